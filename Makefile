@@ -1,0 +1,50 @@
+# Everything a newcomer types. PYTHON: the interpreter that .venv is made with. ARGS: passed on to the command.
+NEW_ENOUGH := -c 'import sys; sys.exit(sys.version_info < (3, 11))'
+PYTHON ?= $(shell for p in python3.11 python3 python; do "$$p" $(NEW_ENOUGH) 2>/dev/null && command -v "$$p" && break; done)
+VENV ?= .venv
+TORCH ?= torch==2.13.0
+ARGS ?=
+
+RUN := "$(VENV)/bin/python"
+STAMP := $(VENV)/.complete
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup demo test lint train tables clean
+
+help: ## List these commands
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' Makefile
+
+setup: $(STAMP) ## Make .venv and install the pinned versions (nothing to do when up to date)
+
+# torch comes first: whatever build of it is chosen (TORCH=...), nothing after it pulls another.
+$(STAMP): pyproject.toml constraints.txt
+	@"$(PYTHON)" $(NEW_ENOUGH) 2>/dev/null \
+		|| { echo "No Python 3.11 or newer found$(if $(PYTHON), at $(PYTHON)): name one, make setup PYTHON=..."; exit 2; }
+	@$(RUN) -m pip --version >/dev/null 2>&1 || "$(PYTHON)" -m venv "$(VENV)"
+	$(RUN) -m pip install --quiet -c constraints.txt "$(TORCH)"
+	$(RUN) -m pip install --quiet -c constraints.txt -e '.[dev]'
+	@touch "$@"
+
+demo: setup ## Fit, extract and measure the built-in part part_01, and say where to look
+	$(RUN) train.py $(ARGS)
+	@echo "Look under outputs/ (preview.png, mesh.ply, result.json), or: $(VENV)/bin/tensorboard --logdir outputs"
+
+train: setup ## One run or a sweep, e.g. make train ARGS="head=relu shape=part_02"
+	$(RUN) train.py $(ARGS)
+
+tables: setup ## Tables (.csv and .tex) of all runs below outputs/, in outputs/tables/
+	$(RUN) -m jointsdf.study tables $(ARGS)
+
+test: setup ## The whole test suite, slow tests included; ARGS="-m 'not slow'" leaves those out
+	$(RUN) -m pytest $(ARGS)
+
+lint: setup ## ruff, mypy and the import contracts
+	$(RUN) -m ruff check .
+	$(RUN) -m ruff format --check .
+	$(RUN) -m mypy
+	"$(VENV)/bin/lint-imports"
+
+clean: ## Delete caches and build leftovers; outputs and .venv stay
+	rm -rf build dist jointsdf.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	find . -path "./$(VENV)" -prune -o -type d -name __pycache__ -exec rm -rf {} +

@@ -1,0 +1,39 @@
+"""Measure a finished run again: `python evaluate.py run=outputs/fast/base/siren/part_01/seed0`."""
+
+import logging
+import sys
+from pathlib import Path
+
+import hydra
+from omegaconf import DictConfig, OmegaConf
+
+from jointsdf.console import quiet_libraries, user_errors
+from jointsdf.values import InputError
+
+log = logging.getLogger("jointsdf")
+failed: list[str] = []
+
+
+@hydra.main(config_path="conf", config_name="evaluate", version_base="1.3")
+def evaluate(cfg: DictConfig) -> None:
+    """Print every score as stored and as measured now."""
+    quiet_libraries()
+    from jointsdf.experiment import measure_again
+
+    with user_errors(failed):
+        if OmegaConf.is_missing(cfg, "run"):
+            raise InputError("run= is missing; give a finished run's folder, e.g. run=outputs/fast/base/siren/part_01/seed0")
+        row, scores = measure_again(Path(cfg.run))
+        differing = 0
+        for protocol, values in scores.items():
+            for name, value in values.items():
+                stored = row.scores[protocol].get(name, float("nan"))
+                same = stored == value or (stored != stored and value != value)
+                differing += not same
+                log.info("%-8s %-22s %12.6f%s", protocol, name, value, "" if same else f"   stored {stored:.6f}")
+        log.info("%s: %s", cfg.run, f"{differing} scores differ" if differing else "every score as stored")
+
+
+if __name__ == "__main__":
+    evaluate()
+    sys.exit(2 if failed else 0)

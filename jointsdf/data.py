@@ -1,0 +1,83 @@
+"""The stream of training samples of one shape."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from lightning import LightningDataModule
+from torch.utils.data import DataLoader, IterableDataset, get_worker_info
+
+from jointsdf.distance import ExactDistance
+from jointsdf.sampling import Cloud, Counts, Sampler, pool_points
+from jointsdf.values import Normalisation, Samples, Shape
+
+
+def network_distance(shape: Shape, normalisation: Normalisation) -> ExactDistance:
+    """The exact signed distance of a shape, asked and answered in the network frame."""
+    vertices = normalisation.forward(shape.mesh.vertices)
+    return ExactDistance(replace(shape.mesh, vertices=vertices), watertight=shape.watertight)
+
+
+class StepStream(IterableDataset[Samples]):
+    """The samples of step `start`, `start + 1`, ...: the same for any number of workers.
+
+    Args:
+        sampler: Draws one step.
+        start: First step, so that a resumed run goes on where it was.
+    """
+
+    def __init__(self, sampler: Sampler, start: int) -> None:
+        super().__init__()
+        self.sampler, self.start = sampler, start
+
+    def __iter__(self) -> Iterator[Samples]:
+        """Every step from `start` on, without end; worker w of n yields every n-th, which the loader interleaves."""
+        worker = get_worker_info()
+        step, stride = (self.start, 1) if worker is None else (self.start + worker.id, worker.num_workers)
+        while True:
+            yield self.sampler.draw(step)
+            step += stride
+
+
+class ShapeDataModule(LightningDataModule):
+    """Prepares one shape's cloud and pool, and streams its steps.
+
+    Args:
+        shape: Ground truth.
+        counts: Points per step.
+        seed: Of the run.
+        cloud_size: Points of the training cloud.
+        pool_size: Points with exact signed distance; 0 where no term uses them.
+        label_fraction: Share of the cloud that keeps its labels.
+        workers: Processes that draw samples; 0 draws in the training process.
+    """
+
+    def __init__(
+        self,
+        shape: Shape,
+        counts: Counts,
+        *,
+        seed: int,
+        cloud_size: int,
+        pool_size: int,
+        label_fraction: float = 1.0,
+        workers: int = 0,
+    ) -> None:
+        super().__init__()
+        self.workers = workers
+        self.cloud = Cloud.of(shape.mesh, count=cloud_size, seed=seed, label_fraction=label_fraction)
+        pool, distances = np.zeros((0, 3)), np.zeros(0)
+        if pool_size:
+            pool = pool_points(self.cloud, count=pool_size, seed=seed)
+            distances = network_distance(shape, self.cloud.normalisation).signed(pool)
+        self.sampler = Sampler(self.cloud, pool, distances, counts, seed)
+
+    def train_dataloader(self) -> DataLoader[Samples]:
+        """The stream from the trainer's current step on."""
+        start = self.trainer.global_step if self.trainer else 0
+        return DataLoader(
+            StepStream(self.sampler, start),
+            batch_size=None,
+            num_workers=self.workers,
+            persistent_workers=self.workers > 0,
+        )

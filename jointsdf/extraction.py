@@ -1,0 +1,113 @@
+"""The zero level set of a fitted field as a part-labelled mesh, by marching cubes over the training box.
+
+`dense` evaluates the field at every grid point, `sparse` near the surface only; the mesh is the same (see `grid.py`).
+"""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+from skimage.measure import marching_cubes
+
+from jointsdf.grid import Grid, Sdf, cells_near_surface, mixed
+from jointsdf.values import BOX, InputError, LabelledMesh, Normalisation
+
+log = logging.getLogger(__name__)
+
+Label = Callable[[Float[ndarray, "n 3"]], Int[ndarray, " n"]]
+
+
+class Surface(NamedTuple):
+    """A zero level set, without labels.
+
+    Attributes:
+        vertices: Positions, network frame.
+        faces: Vertex indices, counter-clockwise seen from outside (where the sdf is positive).
+        evaluated: Share of the grid points at which the field was evaluated, 0..1.
+    """
+
+    vertices: Float[ndarray, "v 3"]
+    faces: Int[ndarray, "f 3"]
+    evaluated: float
+
+
+@dataclass(frozen=True)
+class Extraction:
+    """Marching cubes (Lewiner) of a field over the training box.
+
+    Attributes:
+        resolution: Grid points along each axis of the box.
+        method: `sparse` evaluates the field near the surface only, `dense` everywhere.
+        chunk: Most points in one call of the field.
+
+    Raises:
+        InputError: A value out of its range.
+    """
+
+    resolution: int = 256
+    method: str = "sparse"
+    chunk: int = 65536
+
+    def __post_init__(self) -> None:
+        if self.method not in ("sparse", "dense"):
+            raise InputError(f"extraction.method={self.method}: use sparse or dense")
+        if not 8 <= self.resolution <= 1024:
+            raise InputError(f"extraction.resolution={self.resolution}: use 8 to 1024 grid points per axis")
+        if self.chunk < 1:
+            raise InputError(f"extraction.chunk={self.chunk}: use at least 1 point")
+
+    def surface(self, sdf: Sdf) -> Surface:
+        """The zero level set of a field; empty where the field does not change sign.
+
+        Args:
+            sdf: float32 points of the network frame -> signed distance, negative inside.
+        """
+        grid = Grid(sdf, self.resolution, self.chunk)
+        if self.method == "sparse":
+            cells = cells_near_surface(grid)
+        else:
+            cells = np.ones((self.resolution - 1,) * 3, dtype=bool)
+            grid.evaluate(cells)
+        evaluated = float(grid.known.mean())
+        vertices, faces = _march(grid, cells)
+        log.info("extraction: %.1f%% of %d^3 grid points evaluated", 100 * evaluated, self.resolution)
+        return Surface(vertices, faces, evaluated)
+
+    def labelled_mesh(self, sdf: Sdf, label: Label, normalisation: Normalisation) -> LabelledMesh:
+        """The zero level set with one part label per face, in file units.
+
+        A face has the label of most of its vertices; where all three differ, the label at its centroid.
+
+        Args:
+            sdf: float32 points of the network frame -> signed distance, negative inside.
+            label: float32 points of the network frame -> original part id.
+            normalisation: File frame -> network frame.
+        """
+        vertices, faces, _ = self.surface(sdf)
+        first, second, third = self._query(label, vertices)[faces].T
+        labels = np.where(second == third, second, first)
+        tied = np.flatnonzero((first != second) & (second != third) & (third != first))
+        labels[tied] = self._query(label, vertices[faces[tied]].mean(axis=1))
+        return LabelledMesh(normalisation.inverse(vertices), faces, labels)
+
+    def _query(self, label: Label, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
+        starts = range(0, len(points), self.chunk)
+        found = [label(points[start : start + self.chunk].astype(np.float32)) for start in starts]
+        return np.concatenate([np.zeros(0, np.int64), *found]).astype(np.int64)
+
+
+def _march(grid: Grid, cells: Bool[ndarray, "c c c"]) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]]:
+    nothing = np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
+    if not (cells & mixed(grid.values, (0, 1, 2))).any():
+        return nothing
+    # skimage reads a cell's mask at its upper corner.
+    mask = np.pad(cells, ((1, 0),) * 3)
+    try:
+        vertices, faces, *_ = marching_cubes(grid.values, 0.0, mask=mask, allow_degenerate=False)
+    except RuntimeError:  # skimage's answer to a level set of single points
+        return nothing
+    return vertices.astype(np.float64) * grid.spacing - BOX, faces.astype(np.int64)

@@ -1,0 +1,35 @@
+"""Hybrid head: one sine layer, then ReLU."""
+
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from jointsdf.layers import SineLayer, classifier, kaiming
+
+
+class HybridHead(nn.Module):
+    """Part logits through a sine layer with dropout and a ReLU layer (paper, Sec. "Network Architecture").
+
+    Args:
+        in_features: Width of [f; x].
+        num_classes: Number of parts, K.
+        widths: Units of the sine and of the ReLU layer.
+        omega: Frequency of the sine layer.
+        dropout: Share of the sine layer's units dropped in training.
+    """
+
+    def __init__(
+        self, in_features: int, num_classes: int, *, widths: tuple[int, int], omega: float, dropout: float
+    ) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            SineLayer(in_features, widths[0], omega=omega, weight_bound=1 / in_features),
+            nn.Dropout(dropout),
+            kaiming(widths[0], widths[1]),
+            nn.ReLU(),
+            classifier(widths[1], num_classes),
+        )
+
+    def forward(self, features: Float[Tensor, "n i"]) -> Float[Tensor, "n k"]:
+        """Part logits."""
+        logits: Tensor = self.layers(features)
+        return logits

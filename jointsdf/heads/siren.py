@@ -1,0 +1,30 @@
+"""Sine head: the trunk's own activation carried into the classifier."""
+
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from jointsdf.layers import SineLayer, classifier, hidden_sine
+
+
+class SirenHead(nn.Module):
+    """Part logits through two sine layers (paper, Sec. "Network Architecture").
+
+    Args:
+        in_features: Width of [f; x].
+        num_classes: Number of parts, K.
+        widths: Units of the two hidden layers.
+        omega: Frequency of the first layer; the second has frequency 1.
+    """
+
+    def __init__(self, in_features: int, num_classes: int, *, widths: tuple[int, int], omega: float) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            SineLayer(in_features, widths[0], omega=omega, weight_bound=1 / in_features),
+            hidden_sine(widths[0], widths[1], omega=1.0),
+            classifier(widths[1], num_classes),
+        )
+
+    def forward(self, features: Float[Tensor, "n i"]) -> Float[Tensor, "n k"]:
+        """Part logits."""
+        logits: Tensor = self.layers(features)
+        return logits

@@ -1,0 +1,93 @@
+"""Sine layers and the initialisations that keep their activations in distribution (SIREN, Sec. 3.2)."""
+
+import math
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+
+class _SineCosine(torch.autograd.Function):
+    """sin and cos of one argument whose backward reuses both, instead of computing each of them again."""
+
+    @staticmethod
+    def forward(ctx: Any, argument: Tensor) -> tuple[Tensor, Tensor]:
+        sine, cosine = torch.sin(argument), torch.cos(argument)
+        ctx.save_for_backward(sine, cosine)
+        return sine, cosine
+
+    @staticmethod
+    def backward(ctx: Any, grad_sine: Tensor, grad_cosine: Tensor) -> Tensor:  # type: ignore[override]
+        sine, cosine = ctx.saved_tensors
+        return grad_sine * cosine - grad_cosine * sine
+
+
+def sine_cosine(argument: Float[Tensor, "*shape"]) -> tuple[Float[Tensor, "*shape"], Float[Tensor, "*shape"]]:
+    """(sin, cos) of the argument, differentiable any number of times."""
+    sine, cosine = _SineCosine.apply(argument)
+    return sine, cosine
+
+
+class SineLayer(nn.Module):
+    """`sin(omega (W x + b))`.
+
+    Args:
+        in_features: Inputs.
+        out_features: Units.
+        omega: Frequency that multiplies the pre-activation.
+        weight_bound: W starts uniform in +- this bound.
+        bias_bound: b starts uniform in +- this bound; 1 / sqrt(in_features) by default.
+    """
+
+    def __init__(
+        self,
+        in_features: int,
+        out_features: int,
+        *,
+        omega: float,
+        weight_bound: float,
+        bias_bound: float | None = None,
+    ) -> None:
+        super().__init__()
+        self.omega = omega
+        self.linear = nn.Linear(in_features, out_features)
+        start_uniform(self.linear, weight_bound, 1 / math.sqrt(in_features) if bias_bound is None else bias_bound)
+
+    def forward(self, inputs: Float[Tensor, "n i"]) -> Float[Tensor, "n o"]:
+        """Activations."""
+        return torch.sin(self.omega * self.linear(inputs))
+
+
+def hidden_sine(in_features: int, out_features: int, *, omega: float) -> SineLayer:
+    """A sine layer after the first: W ~ U(+-sqrt(6/n)/omega), so that any omega starts as the same function.
+
+    The bias bound is divided by omega for the same reason.
+    """
+    return SineLayer(
+        in_features,
+        out_features,
+        omega=omega,
+        weight_bound=math.sqrt(6 / in_features) / omega,
+        bias_bound=1 / math.sqrt(in_features) / omega,
+    )
+
+
+def start_uniform(linear: nn.Linear, weight_bound: float, bias_bound: float) -> nn.Linear:
+    """Draw a linear layer's weights and biases uniform in +- the two bounds, in place."""
+    nn.init.uniform_(linear.weight, -weight_bound, weight_bound)
+    nn.init.uniform_(linear.bias, -bias_bound, bias_bound)
+    return linear
+
+
+def classifier(in_features: int, num_classes: int) -> nn.Linear:
+    """The last layer of every head, U(+-1e-3): logits start near uniform."""
+    return start_uniform(nn.Linear(in_features, num_classes), 1e-3, 1e-3)
+
+
+def kaiming(in_features: int, out_features: int) -> nn.Linear:
+    """A linear layer before a ReLU: Kaiming-uniform weights, zero bias."""
+    linear = nn.Linear(in_features, out_features)
+    nn.init.kaiming_uniform_(linear.weight, nonlinearity="relu")
+    nn.init.zeros_(linear.bias)
+    return linear

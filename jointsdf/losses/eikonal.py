@@ -1,0 +1,54 @@
+"""Eikonal loss: a distance's gradient has length one."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from jointsdf.losses import Needs
+from jointsdf.values import InputError, Step
+
+POINT_SETS = ("manifold", "non_manifold", "shell", "pool")
+
+
+@dataclass(frozen=True)
+class Eikonal:
+    """Unit gradient, in either published form (paper, L_EIK).
+
+        squared   mean of (|grad f|^2 - 1)^2      the paper
+        abs       mean of | |grad f| - 1 |        the released FlatCAD code
+
+    Attributes:
+        form: `squared` or `abs`.
+        on: The point sets whose union is averaged over.
+    """
+
+    form: Literal["squared", "abs"] = "abs"
+    on: tuple[str, ...] = ("manifold", "shell")
+
+    def __post_init__(self) -> None:
+        """Check the two choices.
+
+        Raises:
+            InputError: Another form, or a point set that does not exist.
+        """
+        if self.form not in ("squared", "abs"):
+            raise InputError(f"eikonal.form={self.form}: accepted are squared, abs")
+        unknown = [name for name in self.on if name not in POINT_SETS]
+        if unknown or not self.on:
+            raise InputError(f"eikonal.on={list(self.on)}: accepted are one or more of {', '.join(POINT_SETS)}")
+
+    @property
+    def needs(self) -> Needs:
+        """The gradient on every chosen point set."""
+        return {name: frozenset({"grad"}) for name in self.on}
+
+    def __call__(self, step: Step) -> Float[Tensor, ""]:
+        """The term, dimensionless."""
+        grads = [step.fields[name].grad for name in self.on]
+        squares = torch.cat([grad.square().sum(-1) for grad in grads if grad is not None])
+        if self.form == "squared":
+            return (squares - 1).square().mean()
+        return (squares.sqrt() - 1).abs().mean()

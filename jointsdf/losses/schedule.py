@@ -1,0 +1,52 @@
+"""Schedules of a term's weight over the run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+from jointsdf.values import InputError
+
+FORMS = ("constant", "linear", "quintic", "step")
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """A factor on a term's weight, as a function of the share of steps done.
+
+    Attributes:
+        form: `constant`: 1 throughout. Between two knots, `linear` interpolates, `quintic` does so by the smooth step
+            s^3 (10 - 15 s + 6 s^2), and `step` keeps the earlier knot's value.
+        knots: (share of the steps, factor) pairs, ascending in the share; the first and last value hold outside.
+    """
+
+    form: Literal["constant", "linear", "quintic", "step"] = "constant"
+    knots: Sequence[Sequence[float]] = ((0.0, 1.0),)
+
+    def __post_init__(self) -> None:
+        """Check form and knots.
+
+        Raises:
+            InputError: An unknown form, or knots that do not ascend.
+        """
+        if self.form not in FORMS:
+            raise InputError(f"schedule.form={self.form}: accepted are {', '.join(FORMS)}")
+        shares = [knot[0] for knot in self.knots]
+        if not shares or any(a >= b for a, b in pairwise(shares)):
+            raise InputError(f"schedule.knots={[list(k) for k in self.knots]}: shares must ascend")
+
+    def __call__(self, share: float) -> float:
+        """The factor when this share of the steps (0..1) is done."""
+        if self.form == "constant":
+            return 1.0
+        if share <= self.knots[0][0]:
+            return float(self.knots[0][1])
+        for (start, before), (end, after) in pairwise(self.knots):
+            if share < end:
+                return float(before + (after - before) * self._progress((share - start) / (end - start)))
+        return float(self.knots[-1][1])
+
+    def _progress(self, s: float) -> float:
+        if self.form == "step":
+            return 0.0
+        return s**3 * (10 - 15 * s + 6 * s * s) if self.form == "quintic" else s

@@ -1,0 +1,30 @@
+"""Non-manifold (sign-agnostic) loss."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from jointsdf.losses import Needs
+from jointsdf.values import Step
+
+
+@dataclass(frozen=True)
+class SignAgnostic:
+    """Keeps the zero level set away from empty space: mean over non_manifold of exp(-alpha |f|) (paper, L_DNM).
+
+    Attributes:
+        alpha: Decay per network length unit.
+    """
+
+    alpha: float = 100.0
+
+    @property
+    def needs(self) -> Needs:
+        """f on the non-manifold points."""
+        return {"non_manifold": frozenset({"sdf"})}
+
+    def __call__(self, step: Step) -> Float[Tensor, ""]:
+        """The term, in 0..1."""
+        return torch.exp(-self.alpha * step.fields["non_manifold"].sdf.abs()).mean()

@@ -1,0 +1,76 @@
+"""Position of the borders between parts."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.spatial import KDTree
+
+from jointsdf.metrics import unscored
+from jointsdf.values import UNLABELLED, LabelledMesh, SurfaceSamples
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """F1 of the borders between parts, as points along them: `boundary_f1`.
+
+    Precision is the share of the predicted border's length within the tolerance of the true border, recall the
+    reverse. 1 where neither mesh has a border, 0 where only one has, and for an empty prediction; NaN where either
+    mesh has no labels. A border with unlabelled faces is none. Neighbouring faces must share vertex indices.
+
+    Args:
+        spacing: Largest distance between points along an edge, in the frame of the meshes.
+        tolerance: In the frame of the meshes, where the longest side is 1.
+    """
+
+    spacing: float = 0.001
+    tolerance: float = 0.01
+    ceilings: ClassVar[tuple[str, ...]] = ("boundary_f1",)
+
+    def __call__(self, predicted: SurfaceSamples, truth: SurfaceSamples) -> dict[str, float]:
+        """Score the prediction; see the class."""
+        default = unscored(predicted, truth)
+        if default is not None:
+            return {"boundary_f1": default}
+        found = points_along(predicted.mesh, boundary_edges(predicted.mesh), self.spacing)
+        wanted = points_along(truth.mesh, boundary_edges(truth.mesh), self.spacing)
+        if len(found[0]) == 0 or len(wanted[0]) == 0:
+            return {"boundary_f1": float(len(found[0]) == len(wanted[0]))}
+        precision, recall = self._share_near(*found, wanted[0]), self._share_near(*wanted, found[0])
+        return {"boundary_f1": 2 * precision * recall / (precision + recall) if precision + recall > 0 else 0.0}
+
+    def _share_near(
+        self, points: Float[ndarray, "n 3"], lengths: Float[ndarray, " n"], others: Float[ndarray, "m 3"]
+    ) -> float:
+        distances, _ = KDTree(others).query(points, distance_upper_bound=self.tolerance, workers=-1)
+        return float(lengths[np.isfinite(distances)].sum() / lengths.sum())
+
+
+def boundary_edges(mesh: LabelledMesh) -> Int[ndarray, "e 2"]:
+    """Vertex pairs of the edges whose faces differ in label, each once; unlabelled faces are ignored."""
+    labelled = mesh.labels != UNLABELLED
+    pairs = np.sort(mesh.faces[labelled][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64), axis=1)
+    labels = np.repeat(mesh.labels[labelled], 3)
+    keys = pairs[:, 0] * len(mesh.vertices) + pairs[:, 1]
+    order = np.argsort(keys)
+    keys, labels = keys[order], labels[order]
+    differs = (keys[1:] == keys[:-1]) & (labels[1:] != labels[:-1])
+    return np.stack(np.divmod(np.unique(keys[1:][differs]), len(mesh.vertices)), axis=1)
+
+
+def points_along(
+    mesh: LabelledMesh, edges: Int[ndarray, "e 2"], spacing: float
+) -> tuple[Float[ndarray, "n 3"], Float[ndarray, " n"]]:
+    """Points along edges, at the middles of equal pieces no longer than `spacing`, and the length of each one's piece.
+
+    The lengths are weights, so that many short edges count no more than one long edge in their place.
+    """
+    start, end = mesh.vertices[edges[:, 0]], mesh.vertices[edges[:, 1]]
+    lengths = np.linalg.norm(end - start, axis=1)
+    pieces = np.ceil(lengths / spacing).astype(np.int64)
+    edge = np.repeat(np.arange(len(edges)), pieces)
+    piece = np.arange(len(edge)) - (np.cumsum(pieces) - pieces)[edge]
+    along = (piece + 0.5) / pieces[edge]
+    return start[edge] + along[:, None] * (end - start)[edge], lengths[edge] / pieces[edge]

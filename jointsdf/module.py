@@ -1,0 +1,151 @@
+"""The training step: evaluate the field where the active terms need it, add the weighted terms, guard, log."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from lightning import LightningModule
+from torch import Tensor
+from torch.nn.utils import clip_grad_norm_
+from torch.optim import Optimizer
+from torch.optim.lr_scheduler import LambdaLR
+
+from jointsdf.derivatives import Mixed, gradient, mixed_derivative, trace
+from jointsdf.losses import Needs, Term
+from jointsdf.losses.schedule import Schedule
+from jointsdf.optimizers import Group, parameter_groups
+from jointsdf.trunk import JointField
+from jointsdf.values import FieldValues, InputError, Samples, Step
+
+
+class NonFiniteLossError(InputError):
+    """A loss term or the gradient became NaN or infinite; the last checkpoint is from before."""
+
+
+class JointSDFModule(LightningModule):
+    """One field, its objective and its optimizer.
+
+    Args:
+        field: What is fitted.
+        terms: Loss terms by name.
+        weights: Weight of each term, under the same names. Weight 0: the term is not computed.
+        schedules: Factor on the weight over the run, for the terms that have one.
+        optimizer: Parameter groups -> optimizer.
+        max_steps: Length of the run, for the schedules.
+        seed: Of the run; dropout masks are a function of (seed, step).
+        head_lr: Learning rate of the head where it is not the optimizer's own.
+        clip: Largest gradient norm, of the trunk and of the head each.
+        cosine: Whether every learning rate falls to 0 along a half cosine.
+        warmup: Share of the steps over which the rates rise linearly from 0.
+    """
+
+    def __init__(
+        self,
+        field: JointField,
+        terms: Mapping[str, Term],
+        weights: Mapping[str, float],
+        schedules: Mapping[str, Schedule],
+        optimizer: Callable[[list[Group]], Optimizer],
+        *,
+        max_steps: int,
+        seed: int,
+        head_lr: float | None = None,
+        clip: float = 10.0,
+        cosine: bool = False,
+        warmup: float = 0.0,
+    ) -> None:
+        super().__init__()
+        if terms.keys() != weights.keys() or not schedules.keys() <= terms.keys():
+            odd = (terms.keys() ^ weights.keys()) | (schedules.keys() - terms.keys())
+            raise InputError(f"loss: {', '.join(sorted(odd))} must stand under both terms and weights")
+        self.field = field
+        self.terms, self.weights, self.schedules = dict(terms), dict(weights), dict(schedules)
+        self.optimizer = optimizer
+        self.max_steps, self.seed = max_steps, seed
+        self.head_lr, self.clip, self.cosine, self.warmup = head_lr, clip, cosine, warmup
+
+    def active_weights(self, step: int) -> dict[str, float]:
+        """Weight of every term that counts in this step; terms at 0 are left out."""
+        share = step / self.max_steps
+        scheduled = {
+            name: weight * (self.schedules[name](share) if name in self.schedules else 1.0)
+            for name, weight in self.weights.items()
+        }
+        return {name: weight for name, weight in scheduled.items() if weight > 0}
+
+    def training_step(self, samples: Samples, batch_idx: int) -> Tensor:  # noqa: ARG002 (Lightning's signature)
+        """The paper's objective on one step's samples."""
+        torch.manual_seed(hash((self.seed, self.global_step)))
+        weights = self.active_weights(self.global_step)
+        step = self.evaluate(samples, merged_needs([self.terms[name] for name in weights]))
+        losses = {name: self.terms[name](step) for name in weights}
+        for name, loss in losses.items():
+            if not torch.isfinite(loss):
+                raise NonFiniteLossError(
+                    f"loss term {name} is {loss.item()} at step {self.global_step}: lower the learning rate or its weight"
+                )
+        total = torch.stack([weights[name] * loss for name, loss in losses.items()]).sum()
+        self.log_dict({f"loss/{name}": loss for name, loss in losses.items()})
+        self.log("loss/total", total, prog_bar=True)
+        return total
+
+    def evaluate(self, samples: Samples, needs: Needs) -> Step:
+        """Evaluate the field once per point set, no more than is needed."""
+        fields = {
+            name: self._evaluate_set(getattr(samples, name), samples.angles, wanted) for name, wanted in needs.items()
+        }
+        return Step(fields, samples.labels, samples.pool_distances)
+
+    def _evaluate_set(
+        self, points: Float[Tensor, "n 3"], angles: Float[Tensor, " s"], wanted: frozenset[str | Mixed]
+    ) -> FieldValues:
+        trunk = self.field.trunk
+        how = next((need for need in wanted if isinstance(need, Mixed)), None)
+        if how is not None:
+            sdf, grad, mixed = mixed_derivative(trunk.sine_layers, trunk.output, points, angles, how)
+            return FieldValues(sdf, grad, mixed)
+        traced = trace(trunk.sine_layers, trunk.output, points, with_cosines="grad" in wanted)
+        grad = gradient(trunk.sine_layers, trunk.output, traced)[0] if "grad" in wanted else None
+        features = torch.cat([traced.sines[trunk.tap - 1], points], -1) if "logits" in wanted else None
+        return FieldValues(traced.sdf, grad, None, None if features is None else self.field.head(features))
+
+    def configure_optimizers(self) -> dict[str, Any]:
+        """The optimizer over the named groups, and the learning-rate schedule by step."""
+        groups = parameter_groups(self.field.trunk, self.field.head, head_lr=self.head_lr)
+        optimizer = self.optimizer(groups)
+        return {
+            "optimizer": optimizer,
+            "lr_scheduler": {"scheduler": LambdaLR(optimizer, self.rate), "interval": "step"},
+        }
+
+    def rate(self, step: int) -> float:
+        """Factor on every learning rate at this step."""
+        share = step / self.max_steps
+        rising = min(1.0, (step + 1) / max(1.0, self.warmup * self.max_steps))
+        return rising * (0.5 * (1 + math.cos(math.pi * min(share, 1.0))) if self.cosine else 1.0)
+
+    def configure_gradient_clipping(
+        self,
+        optimizer: Optimizer,  # noqa: ARG002 (Lightning's signature)
+        gradient_clip_val: float | None = None,  # noqa: ARG002
+        gradient_clip_algorithm: str | None = None,  # noqa: ARG002
+    ) -> None:
+        """Clip trunk and head apart, so that neither's scale decides the other's step."""
+        for name, part in (("trunk", self.field.trunk), ("head", self.field.head)):
+            norm = clip_grad_norm_(part.parameters(), self.clip)
+            if not torch.isfinite(norm):
+                raise NonFiniteLossError(
+                    f"gradient norm of the {name} is {norm.item()} at step {self.global_step}: lower the learning rate"
+                )
+            self.log(f"gradient_norm/{name}", norm)
+
+
+def merged_needs(terms: Sequence[Term]) -> Needs:
+    """The union of what the terms need, per point set."""
+    merged: dict[str, frozenset[str | Mixed]] = {}
+    for term in terms:
+        for name, wanted in term.needs.items():
+            merged[name] = merged.get(name, frozenset()) | wanted
+    return merged

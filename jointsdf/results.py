@@ -1,0 +1,232 @@
+"""One run's result: a typed row, written last and atomically. Numbers are never scraped from a log.
+
+Imports no torch, so that tables and reports are made on a machine without it.
+"""
+
+import hashlib
+import json
+import math
+import os
+import platform
+import subprocess
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NoReturn, get_origin
+
+import numpy as np
+
+SCHEMA = 1
+ROW_FILE = "result.json"
+LIBRARIES = ("torch", "lightning", "numpy", "scipy", "trimesh", "libigl", "scikit-image")
+UNKNOWN = "unknown"
+Fact = str | int | float | bool | dict[str, Any]
+
+
+@dataclass(frozen=True)
+class ResultRow:
+    """What one fit gave. Missing numbers are NaN, never 0.
+
+    Attributes:
+        study: Name of the sweep, or of the recipe for a plain run.
+        variant: `base`, or the key=value that an ablation varies.
+        recipe: Which information and budget the fit used.
+        head: Segmentation head, `none` for the baseline without one.
+        shape: Catalogue name, or `<stem>-<6 hex digits>` for a mesh file.
+        seed: Of initialisation and samples.
+        status: `ok`, or `empty_mesh` when the field has no zero level set in the box.
+        steps: Training steps taken.
+        num_parts: Number of parts of the ground truth.
+        counts: Sizes, e.g. `faces_gt`, `faces_pred`, `parameters_trunk`, `parameters_head`.
+        seconds: Wall-clock of each stage, e.g. `load`, `fit`, `extract`, `evaluate`, `total`.
+        peak_memory_mb: Largest memory of the run, MiB.
+        scores: Evaluation protocol -> metric -> value.
+        provenance: Where the numbers come from; see `provenance`.
+        schema: Version of this layout.
+    """
+
+    study: str
+    variant: str
+    recipe: str
+    head: str
+    shape: str
+    seed: int
+    status: str
+    steps: int
+    num_parts: int
+    counts: dict[str, int]
+    seconds: dict[str, float]
+    peak_memory_mb: float
+    scores: dict[str, dict[str, float]]
+    provenance: dict[str, Fact]
+    schema: int = SCHEMA
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Replace the file's text in one step: a reader sees the old text or the new one, never half of it.
+
+    Raises:
+        OSError: The folder cannot be written or the disk is full. The old file is then untouched.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="\n") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_row(folder: Path, row: ResultRow) -> Path:
+    """Write the row as `result.json` of a run folder: strict JSON, NaN and infinities as null.
+
+    Raises:
+        OSError: The folder cannot be written or the disk is full. No partial row is left.
+    """
+    path = folder / ROW_FILE
+    write_atomically(path, json.dumps(_plain(asdict(row)), indent=2, allow_nan=False) + "\n")
+    return path
+
+
+def read_row(path: Path) -> ResultRow:
+    """Read a row written by `write_row`; null numbers come back as NaN.
+
+    Raises:
+        ValueError: The file is not a row of this schema. One line: the file, what is wrong, the fix.
+        OSError: The file cannot be opened.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+        return _row(content)
+    except ValueError as error:
+        raise ValueError(f"{path}: not a readable result row: {error}") from error
+
+
+def read_rows(root: Path) -> tuple[list[ResultRow], list[str]]:
+    """Read every `result.json` below a folder, in the order of their paths.
+
+    Args:
+        root: Folder to search; a missing one holds no rows.
+
+    Returns:
+        The rows, and one line for each file that was left out: unreadable, or a second row of the same run.
+    """
+    rows: dict[tuple[object, ...], tuple[ResultRow, Path]] = {}
+    problems: list[str] = []
+    for path in sorted(root.rglob(ROW_FILE)):
+        try:
+            row = read_row(path)
+        except (ValueError, OSError) as error:
+            problems.append(str(error))
+            continue
+        provider = str(row.provenance.get("label_provider"))
+        identity = (row.study, row.variant, row.recipe, row.head, row.shape, row.seed, provider)
+        if identity in rows:
+            problems.append(f"{path}: left out, the same run as {rows[identity][1]}; delete one of the two")
+        else:
+            rows[identity] = (row, path)
+    return [row for row, _ in rows.values()], problems
+
+
+def config_hash(resolved: Mapping[str, Any]) -> str:
+    """Identify a resolved configuration: 16 hex digits, the same for any order of its keys."""
+    canonical = json.dumps(_plain(resolved), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(canonical.encode()).hexdigest()[:16]
+
+
+def provenance(*, config_hash: str, **facts: Fact) -> dict[str, Fact]:
+    """Collect what made a row: code, configuration, library versions, machine and date (UTC).
+
+    Args:
+        config_hash: From the function of that name.
+        **facts: What only the run knows: device, mesh_sha256, label_provider, ...
+    """
+    commit, dirty = _git_state(Path(__file__).parent)
+    return {
+        "commit": commit,
+        "dirty": dirty,
+        "config_hash": config_hash,
+        "python": platform.python_version(),
+        "versions": {name: _version(name) for name in LIBRARIES},
+        "machine": f"{platform.system()} {platform.machine()}, {_cpu_model()}, {os.cpu_count()} cores",
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        **facts,
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _refuse_constant(token: str) -> NoReturn:
+    raise ValueError(f"{token} is not JSON; delete the file and run that fit again")
+
+
+def _row(content: Any) -> ResultRow:
+    again = "delete the file and run that fit again"
+    if not isinstance(content, dict) or not isinstance(content.get("schema"), int):
+        raise ValueError(f"no schema number in it; {again}")
+    if content["schema"] != SCHEMA:
+        newer = content["schema"] > SCHEMA
+        fix = f"newer than {SCHEMA}: update jointsdf" if newer else f"older than {SCHEMA}: {again}"
+        raise ValueError(f"schema {content['schema']} is {fix}")
+    kinds: dict[str, Any] = {field.name: get_origin(field.type) or field.type for field in fields(ResultRow)}
+    if names := sorted(kinds.keys() ^ content.keys()):
+        raise ValueError(f"missing or unknown keys: {', '.join(names)}; {again}")
+    try:
+        content["counts"] = {name: int(value) for name, value in content["counts"].items()}
+        content["seconds"] = _floats(content["seconds"])
+        content["peak_memory_mb"] = _floats({"peak": content["peak_memory_mb"]})["peak"]
+        content["scores"] = {protocol: _floats(values) for protocol, values in content["scores"].items()}
+    except (ValueError, TypeError, AttributeError) as error:
+        raise ValueError(f"counts, seconds, peak_memory_mb and scores must hold numbers; {again}") from error
+    if wrong := [name for name, kind in kinds.items() if not isinstance(content[name], kind)]:
+        raise ValueError(f"wrong type of {', '.join(wrong)}; {again}")
+    return ResultRow(**content)
+
+
+def _floats(values: dict[str, Any]) -> dict[str, float]:
+    return {name: math.nan if value is None else float(value) for name, value in values.items()}
+
+
+def _git_state(folder: Path) -> tuple[str, bool | str]:
+    """Commit of the code in `folder` and whether it was changed since; unknown where git does not track it."""
+
+    def git(*arguments: str) -> str:
+        done = subprocess.run(
+            ["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=20, check=True
+        )
+        return done.stdout.strip()
+
+    try:
+        git("ls-files", "--error-unmatch", "results.py")  # an installed copy inside someone's repository is not it
+        return git("rev-parse", "HEAD"), bool(git("status", "--porcelain", "--", ".", "../conf"))
+    except (OSError, subprocess.SubprocessError):
+        return UNKNOWN, UNKNOWN
+
+
+def _version(distribution: str) -> str:
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return UNKNOWN
+
+
+def _cpu_model() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or UNKNOWN

@@ -1,0 +1,60 @@
+"""The catalogue of 50 real CAD shapes of the ABC dataset: facts are committed, meshes stay with their owners."""
+
+import csv
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class CatalogueEntry:
+    """One row of the catalogue table.
+
+    Attributes:
+        name: Catalogue name, `abc_0001` .. `abc_0050`.
+        abc_id: The model's id in the ABC dataset.
+        source: Public repository and path where the mesh was found.
+        sha256: Of the mesh file's bytes.
+        patches: Number of B-rep patches, 0 where none are known.
+    """
+
+    name: str
+    abc_id: str
+    source: str
+    sha256: str
+    patches: int
+
+
+@cache
+def catalogue() -> dict[str, CatalogueEntry]:
+    """Every catalogue shape by name, in the table's order."""
+    table = resources.files("jointsdf.shapes").joinpath("abc.csv").read_text(encoding="utf-8")
+    return {
+        row["name"]: CatalogueEntry(
+            name=row["name"],
+            abc_id=row["abc_id"],
+            source=f"{row['source_repository']}/{row['source_path']}",
+            sha256=row["sha256"],
+            patches=int(row["patches"]),
+        )
+        for row in csv.DictReader(table.splitlines())
+    }
+
+
+def mesh_path(name: str, root: str | Path) -> Path:
+    """Where the mesh of a catalogue shape belongs, whether it is there or not.
+
+    Args:
+        name: Catalogue name.
+        root: The folder that holds one folder per shape.
+    """
+    return Path(root).expanduser() / name / "mesh.ply"
+
+
+def how_to_get(entry: CatalogueEntry, path: Path) -> str:
+    """One line for the user: where the mesh was looked for, and how to get it."""
+    return (
+        f"{entry.name} is not on this machine (looked for {path}); set paths.abc_root or the environment variable "
+        f"JOINTSDF_ABC to a folder that holds {entry.name}/mesh.ply (ABC model {entry.abc_id}, from {entry.source})"
+    )

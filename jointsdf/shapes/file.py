@@ -1,0 +1,135 @@
+"""A mesh file (ply, obj, stl, off, glb) as triangles in the file's order, with every damage named."""
+
+import hashlib
+import io
+import re
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from jointsdf.values import InputError
+
+FORMATS = ("ply", "obj", "stl", "off", "glb")
+
+
+@dataclass(frozen=True)
+class FileMesh:
+    """What one mesh file holds, in the file's frame and order.
+
+    Attributes:
+        vertices: Positions, all finite.
+        faces: Vertex indices, all in range.
+        has_polygons: Whether the file's faces were cut into triangles, so that labels per file face do not fit.
+        sha256: Of the file's bytes.
+    """
+
+    vertices: Float[ndarray, "v 3"]
+    faces: Int[ndarray, "f 3"]
+    has_polygons: bool
+    sha256: str
+
+
+def read(path: Path) -> FileMesh:
+    """Read a mesh file as it is.
+
+    Args:
+        path: A ply, obj, stl, off or glb file. Several meshes in one file are joined in the file's order.
+
+    Raises:
+        InputError: The file is missing, empty, truncated, unreadable or of another format, has no faces, a
+            NaN or infinite vertex, or a face that uses a vertex out of range.
+    """
+    data = _bytes(path)
+    vertices, faces, declared = _parse(path, data)
+    if declared is not None and declared > len(faces):
+        raise InputError(f"{path} is truncated: it announces {declared} faces and holds {len(faces)}; export it again")
+    if len(faces) == 0:
+        raise InputError(f"{path} has no faces: a triangle mesh is needed, not points or curves")
+    if not np.isfinite(vertices).all():
+        bad = int((~np.isfinite(vertices).all(axis=1)).sum())
+        raise InputError(f"{path} has NaN or infinite coordinates in {bad} vertices: repair or export it again")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise InputError(f"{path} has a face that uses a vertex out of range 0..{len(vertices) - 1}: export it again")
+    has_polygons = declared is not None and declared < len(faces)
+    return FileMesh(vertices, faces, has_polygons, hashlib.sha256(data).hexdigest())
+
+
+def _bytes(path: Path) -> bytes:
+    """The file's content, once it is clear that it is a non-empty file of a known format."""
+    if not path.exists():
+        raise InputError(f"file not found: {path}")
+    if path.is_dir():
+        raise InputError(f"{path} is a folder: give the mesh file in it")
+    if path.suffix.lower().lstrip(".") not in FORMATS:
+        raise InputError(
+            f"{path}: format {path.suffix or 'without suffix'} is not read; use one of {', '.join(FORMATS)}"
+        )
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be opened: {error.strerror}") from error
+    if not data.strip():
+        raise InputError(f"{path} is empty (0 bytes of mesh): export it again")
+    return data
+
+
+def _parse(path: Path, data: bytes) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"], int | None]:
+    """Vertices, triangles in the file's order, and how many faces the file announces (None if it does not)."""
+    kind = path.suffix.lower().lstrip(".")
+    try:
+        if kind == "obj":
+            return _parse_obj(data)
+        declared = _declared_faces(kind, data)
+        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False)
+    except Exception as error:  # on a damaged file a parser may fail in any way
+        raise InputError(f"{path} cannot be read as {kind} (truncated or damaged?): export it again") from error
+    vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
+    for name, geometry in scene.geometry.items():
+        if not isinstance(geometry, trimesh.Trimesh):
+            continue
+        for node in scene.graph.geometry_nodes[name]:
+            placed = trimesh.transform_points(geometry.vertices, scene.graph[node][0])
+            vertices.append(np.asarray(placed, dtype=np.float64))
+            faces.append(np.asarray(geometry.faces, dtype=np.int64).reshape(-1, 3) + count)
+            count += len(placed)
+    return np.concatenate(vertices), np.concatenate(faces), declared
+
+
+def _parse_obj(data: bytes) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"], int]:
+    """Positions and faces of an OBJ file. Differs from trimesh, which reorders faces by material and format."""
+    vertices: list[list[float]] = []
+    faces: list[list[int]] = []
+    declared = 0
+    for line in data.decode("utf-8", errors="replace").splitlines():
+        key, *words = line.split() or [""]
+        if key == "v":
+            x, y, z = (float(word) for word in words[:3])
+            vertices.append([x, y, z])
+        elif key == "f":
+            declared += 1
+            written = [int(word.split("/")[0]) for word in words]
+            corners = [i - 1 if i > 0 else len(vertices) + i if i < 0 else -1 for i in written]
+            if len(corners) < 3:
+                raise ValueError(f"a face of {len(corners)} vertices")
+            faces.extend([corners[0], b, c] for b, c in pairwise(corners[1:]))
+    return np.array(vertices).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 3), declared
+
+
+def _declared_faces(kind: str, data: bytes) -> int | None:
+    """The number of faces that the file announces; parsers accept text files that end early."""
+    if kind == "ply":
+        found = re.search(rb"element\s+face\s+(\d+)", data.partition(b"end_header")[0])
+        return int(found[1]) if found else None
+    if kind == "off":
+        words = re.sub(rb"#[^\n]*", b"", data[:4096]).split()
+        return int(words[2])
+    if kind == "stl" and len(data) != 84 + 50 * int.from_bytes(data[80:84], "little"):
+        if not re.search(rb"endsolid[^\n]*\s*$", data, re.IGNORECASE):
+            raise ValueError("neither a whole binary STL nor a whole text STL")
+        return len(re.findall(rb"facet\s+normal", data, re.IGNORECASE))
+    return None

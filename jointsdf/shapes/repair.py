@@ -1,0 +1,141 @@
+"""A mesh as a solid: one vertex per position, no degenerate face, wound outward; whatever is odd is said."""
+
+import logging
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from jointsdf.values import InputError
+
+COARSE, SLOW = 10, 2_000_000  # faces: at most, at least
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A cleaned mesh, in the frame it came in.
+
+    Attributes:
+        vertices: The positions that a face uses.
+        faces: Vertex indices, counter-clockwise seen from outside where there is an outside.
+        kept: Index of each face among the faces given: degenerate ones were dropped.
+        watertight: Whether each edge has exactly two faces, which agree on the outside.
+    """
+
+    vertices: Float[ndarray, "v 3"]
+    faces: Int[ndarray, "f 3"]
+    kept: Int[ndarray, " f"]
+    watertight: bool
+
+
+def cleaned(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> Solid:
+    """Merge vertices by position, drop degenerate faces, wind outward; warn of everything a user should know.
+
+    Args:
+        source: What messages call the mesh.
+        vertices: Finite positions.
+        faces: Vertex indices, at least one face; their order is kept.
+
+    Raises:
+        InputError: The mesh has no extent along an axis, or no face with an area.
+    """
+    vertices, merged = _merge(vertices, faces)
+    extents = np.ptp(vertices, axis=0)
+    if extents.min() <= 1e-12 * extents.max():
+        raise InputError(f"{source} is flat: its extents are {extents.tolist()}; a solid needs all three above zero")
+    kept = _not_degenerate(source, vertices, merged, extents.max())
+    vertices, merged = _merge(vertices, merged[kept])
+    merged, watertight = _orient(source, vertices, merged)
+    _warn_of_size(source, merged)
+    return Solid(vertices, merged, kept, watertight)
+
+
+def _merge(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> tuple[ndarray, ndarray]:
+    """One vertex for each position that a face uses; faces and positions keep their order.
+
+    A mesh that is closed as it stands is not merged: where it touches itself, that would open it.
+    """
+    identity = np.arange(len(vertices))
+    if not (_edge_uses(faces) == 2).all():
+        order = np.lexsort(vertices.T)
+        starts = np.ones(len(order), dtype=bool)
+        starts[1:] = (vertices[order[1:]] != vertices[order[:-1]]).any(axis=1)
+        identity[order] = order[starts][np.cumsum(starts) - 1]
+    used, merged = np.unique(identity[faces], return_inverse=True)
+    return vertices[used], merged.reshape(faces.shape)
+
+
+def _not_degenerate(source: str, vertices: ndarray, faces: ndarray, size: float) -> Int[ndarray, " k"]:
+    """Indices of the faces that have an area."""
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    doubled_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    kept = np.flatnonzero(doubled_area > 1e-15 * size**2)
+    if len(kept) == 0:
+        raise InputError(f"{source} has no faces with an area: all {len(faces)} are degenerate")
+    if len(kept) < len(faces):
+        logger.warning("%s: %d degenerate faces (no area) dropped with their labels", source, len(faces) - len(kept))
+    return kept
+
+
+def _orient(source: str, vertices: ndarray, faces: ndarray) -> tuple[Int[ndarray, "f 3"], bool]:
+    """The faces wound outward, and whether they close a volume without contradiction."""
+    uses = _edge_uses(faces)
+    if (uses != 2).any():
+        counts = f"{(uses != 2).sum()} of {len(uses)} edges do not have exactly two faces"
+        logger.warning("%s: not watertight (%s): the sign comes from the winding number", source, counts)
+        return faces, False
+    if not _is_consistent(faces):
+        faces, disagreeing = _agreeing(faces)
+        if not _is_consistent(faces):
+            logger.warning("%s: has no outside (one-sided surface): the sign comes from the winding number", source)
+            return faces, False
+        logger.warning("%s: %d faces were inside out and are flipped to agree with the rest", source, disagreeing)
+    a, b, c = (vertices[faces[:, corner]] - vertices.mean(axis=0) for corner in range(3))
+    if np.einsum("ij,ij->", a, np.cross(b, c)) < 0:
+        logger.warning("%s: inside out (negative volume): all faces flipped", source)
+        faces = faces[:, ::-1].copy()
+    return faces, True
+
+
+def _edge_uses(faces: Int[ndarray, "f 3"]) -> Int[ndarray, " e"]:
+    """How many faces each edge has."""
+    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    return np.unique(ends.min(axis=1) * (int(faces.max()) + 1) + ends.max(axis=1), return_counts=True)[1]
+
+
+def _is_consistent(faces: Int[ndarray, "f 3"]) -> bool:
+    """Whether no edge is walked twice in one direction, as it is between faces that disagree about the outside."""
+    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    return len(np.unique(ends[:, 0] * (int(faces.max()) + 1) + ends[:, 1])) == len(ends)
+
+
+def _agreeing(faces: Int[ndarray, "f 3"]) -> tuple[Int[ndarray, "f 3"], int]:
+    """Faces flipped to agree with most of their component, and how many were."""
+    oriented, component = igl.bfs_orient(faces)
+    flipped = (oriented != faces).any(axis=1)
+    mostly_flipped = np.bincount(component, flipped) > 0.5 * np.bincount(component)
+    flipped ^= mostly_flipped[component]
+    return np.where(flipped[:, None], faces[:, ::-1], faces), int(flipped.sum())
+
+
+def _warn_of_size(source: str, faces: ndarray) -> None:
+    """Warn of several components, very few and very many faces."""
+    ends = faces[:, [0, 1]].T.ravel(), faces[:, [1, 2]].T.ravel()
+    count = int(faces.max()) + 1
+    components, _ = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(count, count)), directed=False)
+    if components > 1:
+        logger.warning(
+            "%s: %d separate components: one field describes them all, and small ones may be lost", source, components
+        )
+    if len(faces) <= COARSE:
+        logger.warning("%s: very coarse (%d faces): the field will round it off", source, len(faces))
+    if len(faces) >= SLOW:
+        logger.warning(
+            "%s: %d faces: distances and measures will be slow; a mesh below %d is enough", source, len(faces), SLOW
+        )

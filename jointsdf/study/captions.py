@@ -1,0 +1,60 @@
+"""Captions that say what a table averages over, and what it had to leave out."""
+
+import pandas as pd
+
+from jointsdf.study.groups import BASELINE, Comparison
+
+SOURCES = {"abc": "ABC shapes", "builtin": "built-in shapes", "file": "shapes from mesh files"}
+UNRANKED = "A mean over fewer shapes shows its n and is not ranked."
+
+
+def caption(what: str, comparison: Comparison, *, unequal: bool) -> str:
+    """Plain text under a table.
+
+    Args:
+        what: The table's subject, a phrase.
+        comparison: The runs in it.
+        unequal: Whether some mean is over fewer shapes than the others.
+    """
+    key = comparison.group.key
+    labels = "no labels" if key["label_kind"] == BASELINE else f"{key['label_kind']} labels"
+    sentences = [
+        f"{what}, mean ± sample standard deviation over the shapes that every head was run on (N).",
+        f"Study {key['study']}, recipe {key['recipe']}, variant {key['variant']}, {SOURCES[key['source']]}, {labels}, "
+        f"protocol {key['protocol']}, {_seeds(comparison.runs)}.",
+        UNRANKED if unequal else "",
+        _left_out(comparison.dropped),
+        empty_runs(comparison.runs),
+        _changed_truth(comparison.runs),
+    ]
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def empty_runs(runs: pd.DataFrame) -> str:
+    """Name the runs that ended without a mesh; their distances are missing, their shares 0."""
+    failed = runs[runs["status"] != "ok"]
+    names = [f"{run.head} on {run.shape} (seed {run.seed}, {run.status})" for run in failed.itertuples()]
+    return f"Without a mesh: {', '.join(names)}." if names else ""
+
+
+def _seeds(runs: pd.DataFrame) -> str:
+    counts = runs.groupby(["head", "shape"])["seed"].nunique()
+    if counts.empty:
+        return "no common shape"
+    fewest, most = int(counts.min()), int(counts.max())
+    if most == 1:
+        return "one seed"
+    return f"{fewest} seeds averaged first" if fewest == most else f"{fewest} to {most} seeds averaged first"
+
+
+def _left_out(dropped: dict[str, list[str]]) -> str:
+    names = [f"{shape} (no {', '.join(heads)})" for shape, heads in dropped.items()]
+    return f"Left out: {'; '.join(names)}." if names else ""
+
+
+def _changed_truth(runs: pd.DataFrame) -> str:
+    """Shapes whose runs saw different ground truths: a mesh or labels changed between two runs."""
+    facts = [column for column in ("mesh_sha256", "num_parts") if column in runs]
+    kinds = runs[runs["head"] != BASELINE].groupby("shape")[facts].nunique().max(axis="columns")
+    names = [str(shape) for shape in kinds[kinds > 1].index]
+    return f"Ground truth changed between the runs of: {', '.join(names)}." if names else ""

@@ -1,0 +1,100 @@
+"""Which runs may share a table: same study, recipe, variant, source of shapes, kind of labels, protocol."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import pandas as pd
+
+from jointsdf.study.collect import DEFAULT_PROTOCOL
+from jointsdf.study.statistics import common_shapes
+
+GROUP = ["study", "recipe", "variant", "source", "label_kind", "protocol"]
+BASELINE = "none"
+HEAD_ORDER = (BASELINE, "relu", "siren", "hybrid", "deep_skip")  # the paper's; other heads follow by name
+SUFFIX = "--"  # between a table's name and its group
+
+
+@dataclass(frozen=True)
+class Group:
+    """Runs that may be compared, and where their tables go.
+
+    Attributes:
+        key: Value of each column of `GROUP`.
+        suffix: Of the file names; empty for the default group.
+        runs: Lines of `collect`.
+    """
+
+    key: dict[str, str]
+    suffix: str
+    runs: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Runs of several heads on the same shapes.
+
+    Attributes:
+        group: Where the runs come from.
+        heads: In the order of the table's lines.
+        shapes: Those that every head was run on.
+        dropped: The other shapes, each with the heads that lack it.
+        runs: Lines of `collect`, of these shapes only.
+    """
+
+    group: Group
+    heads: list[str]
+    shapes: list[str]
+    dropped: dict[str, list[str]]
+    runs: pd.DataFrame
+
+    def of(self, head: str) -> pd.DataFrame:
+        """The runs of one head."""
+        return self.runs[self.runs["head"] == head]
+
+
+def split(runs: pd.DataFrame) -> list[Group]:
+    """Part the runs into comparable groups, the default one first.
+
+    The default is the group of protocol `unit` with most runs. Baseline runs (head `none`) do not use labels, so they
+    join the groups of every kind of labels; where no head was run beside them, they are a group of their own.
+    """
+    baseline = runs[runs["head"] == BASELINE]
+    other = [column for column in GROUP if column != "label_kind"]
+    alone = pd.Series(True, index=baseline.index)
+    parts: list[tuple[tuple[str, ...], pd.DataFrame]] = []
+    for key, part in runs[runs["head"] != BASELINE].groupby(GROUP):
+        beside = (baseline[other] == part[other].iloc[0]).all(axis="columns")
+        alone &= ~beside
+        parts.append((tuple(map(str, key)), pd.concat([part, baseline[beside]])))
+    rest = baseline[alone].assign(label_kind=BASELINE)
+    parts += [(tuple(map(str, key)), part) for key, part in rest.groupby(GROUP)]
+    parts.sort(key=lambda item: (item[0][-1] != DEFAULT_PROTOCOL, -len(item[1]), item[0]))
+    suffixes = _suffixes([key for key, _ in parts])
+    return [Group(dict(zip(GROUP, key, strict=True)), s, part) for (key, part), s in zip(parts, suffixes, strict=True)]
+
+
+def compare(group: Group, *, baseline: bool) -> Comparison:
+    """Keep the shapes that every head of the group was run on.
+
+    Args:
+        group: Runs that may be compared.
+        baseline: Whether the head `none` takes part.
+    """
+    runs = group.runs if baseline else group.runs[group.runs["head"] != BASELINE]
+    shapes, dropped = common_shapes(runs)
+    heads = sorted(set(runs["head"]), key=lambda head: (head not in HEAD_ORDER, _place(head), head))
+    return Comparison(group, heads, shapes, dropped, runs[runs["shape"].isin(shapes)])
+
+
+def _place(head: str) -> int:
+    return HEAD_ORDER.index(head) if head in HEAD_ORDER else 0
+
+
+def _suffixes(keys: list[tuple[str, ...]]) -> Iterator[str]:
+    used: set[str] = set()
+    for position, key in enumerate(keys):
+        words = dict.fromkeys(re.sub(r"[^A-Za-z0-9_=+.]+", "-", word) for word in key)  # study = recipe: said once
+        suffix = SUFFIX + "-".join(words) if position else ""
+        yield suffix if suffix not in used else f"{suffix}-{position}"
+        used.add(suffix)

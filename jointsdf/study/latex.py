@@ -1,0 +1,66 @@
+"""Numbers and names as LaTeX: cells, escaping, and a booktabs table by pandas' Styler."""
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import pandas as pd
+
+from jointsdf.study.statistics import Summary
+
+Goal = Literal["low", "high", "none"]
+MISSING = "--"
+ESCAPES = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    "±": r"$\pm$",
+} | {character: f"\\{character}" for character in "&%$#_{}"}
+
+
+def escape(text: str) -> str:
+    """Plain text that LaTeX prints as it is; `±` becomes the symbol."""
+    return "".join(ESCAPES.get(character, character) for character in text)
+
+
+def cell(summary: Summary, *, digits: int, out_of: int, bold: bool) -> str:
+    """`mean ± std`, followed by its n where fewer shapes have the number than the table has; `--` where none has."""
+    if summary.n == 0:
+        return MISSING
+    mean = f"{summary.mean:.{digits}f}"
+    count = f" ($n={summary.n}$)" if summary.n < out_of else ""
+    return (rf"\textbf{{{mean}}}" if bold else mean) + rf" $\pm$ {summary.std:.{digits}f}{count}"
+
+
+def best(summaries: Sequence[Summary], *, digits: int, out_of: int, goal: Goal) -> list[bool]:
+    """Which means are the best ones as printed; several on a tie.
+
+    A mean over fewer than `out_of` shapes does not compete: it may have lost the hard ones. One mean alone is not best.
+    """
+    shown = [float(f"{item.mean:.{digits}f}") if item.n == out_of else math.nan for item in summaries]
+    competing = [value for value in shown if not math.isnan(value)]
+    if goal == "none" or len(competing) < 2:
+        return [False] * len(shown)
+    target = min(competing) if goal == "low" else max(competing)
+    return [value == target for value in shown]
+
+
+def tabular(cells: pd.DataFrame, *, caption: str, label: str) -> str:
+    """A floating booktabs table of ready LaTeX cells.
+
+    Args:
+        cells: Strings; the column names are the header, LaTeX as well.
+        caption: Plain text; escaped here.
+        label: Name to refer to, behind `tab:`. Underscores become hyphens.
+    """
+    return cells.style.hide(axis="index").to_latex(
+        hrules=True,
+        caption=escape(caption),
+        label="tab:" + label.replace("_", "-"),
+        column_format="l" + "c" * (cells.shape[1] - 1),
+        position="t",
+        position_float="centering",
+    )

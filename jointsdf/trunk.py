@@ -1,0 +1,204 @@
+"""The shared SIREN trunk, and the joint field: trunk + head, asked in file units."""
+
+import pickle
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Self
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from numpy import ndarray
+from torch import Tensor, nn
+
+from jointsdf.derivatives import gradient, trace
+from jointsdf.heads import HEADS
+from jointsdf.layers import SineLayer, hidden_sine, start_uniform
+from jointsdf.values import BOX, UNLABELLED, InputError, Normalisation
+
+SPHERE_RADIUS = 0.5  # network length units; about the size of a part in its box
+
+
+class SirenTrunk(nn.Module):
+    """Sine layers shared by both outputs, and the linear layer that gives the signed distance.
+
+    Args:
+        width: Units per layer.
+        depth: Sine layers.
+        omega: Frequency of the first layer, omega_0.
+        hidden_omega: Frequency of the others. Any value starts as the same function; hidden weights learn faster the larger
+            it is (the paper's text: 1; the released FlatCAD code: 30).
+        tap: Which layer's activations the head sees, 1 = the first.
+        init: `siren`: output near zero, the paper's. `sphere`: all layers fitted to a sphere's signed distance, which fixes
+            the sign of the field.
+    """
+
+    def __init__(
+        self,
+        *,
+        width: int = 256,
+        depth: int = 5,
+        omega: float = 30.0,
+        hidden_omega: float = 30.0,
+        tap: int = 3,
+        init: Literal["siren", "sphere"] = "siren",
+    ) -> None:
+        super().__init__()
+        if not 1 <= tap <= depth:
+            raise ValueError(f"trunk.tap={tap}: accepted are 1..{depth}, the trunk's layers")
+        if init not in ("siren", "sphere"):
+            raise ValueError(f"trunk.init={init}: accepted are siren, sphere")
+        self.tap = tap
+        hidden = [hidden_sine(width, width, omega=hidden_omega) for _ in range(depth - 1)]
+        self.layers = nn.ModuleList([SineLayer(3, width, omega=omega, weight_bound=1 / 3), *hidden])
+        self.output = start_uniform(nn.Linear(width, 1), 1e-5, 1e-5)
+        if init == "sphere":
+            self._fit_to_sphere()
+
+    @property
+    def sine_layers(self) -> Sequence[SineLayer]:
+        """The sine layers in order."""
+        return [layer for layer in self.layers if isinstance(layer, SineLayer)]
+
+    @property
+    def feature_width(self) -> int:
+        """Width of a head's input [f; x]."""
+        return self.sine_layers[self.tap - 1].linear.out_features + 3
+
+    def forward(self, points: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, " n"], Float[Tensor, "n i"]]:
+        """Signed distance and the head's input [f; x], network frame."""
+        traced = trace(self.sine_layers, self.output, points, with_cosines=False)
+        return traced.sdf, torch.cat([traced.sines[self.tap - 1], points], -1)
+
+    def _fit_to_sphere(self, steps: int = 200, samples: int = 1000) -> None:
+        """Fit f(x) = |x| - radius on random points of the box, a second of Adam."""
+        optimizer = torch.optim.Adam(self.parameters(), lr=3e-4)
+        for _ in range(steps):
+            points = (torch.rand(samples, 3) * 2 - 1) * BOX
+            loss = (self(points)[0] - (points.norm(dim=-1) - SPHERE_RADIUS)).abs().mean()
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+
+
+class FieldQuery(NamedTuple):
+    """What a `JointField` answers, file frame.
+
+    Attributes:
+        sdf: Signed distance, file units, negative inside.
+        part: Original part id; -1 for a field without a head.
+        logits: Pre-softmax scores, columns in the order of `JointField.part_ids`.
+        gradient: Gradient of the signed distance, dimensionless.
+    """
+
+    sdf: Float[Tensor, " n"]
+    part: Int[Tensor, " n"]
+    logits: Float[Tensor, "n k"]
+    gradient: Float[Tensor, "n 3"]
+
+
+class JointField(nn.Module):
+    """One shape's fitted field: points in file units -> signed distance, part, logits, gradient.
+
+    Args:
+        trunk: Arguments of `SirenTrunk`.
+        head: `name` in `HEADS` and that head's own arguments.
+        part_ids: Original part ids, in the order of the logits.
+        normalisation: File frame -> network frame.
+    """
+
+    centre: Tensor
+    scale: Tensor
+    part_ids: Tensor
+
+    def __init__(
+        self,
+        trunk: Mapping[str, Any],
+        head: Mapping[str, Any],
+        part_ids: Int[ndarray, " k"],
+        normalisation: Normalisation,
+    ) -> None:
+        super().__init__()
+        self.arguments = {"trunk": dict(trunk), "head": dict(head)}
+        self.trunk = SirenTrunk(**trunk)
+        knobs = dict(head)
+        name = knobs.pop("name")
+        if name not in HEADS:
+            raise InputError(f"head={name}: accepted are {', '.join(HEADS)}")
+        self.head = HEADS[name](self.trunk.feature_width, len(part_ids), **knobs)
+        self.register_buffer("part_ids", torch.as_tensor(np.asarray(part_ids, dtype=np.int64)))
+        self.register_buffer("centre", torch.as_tensor(np.asarray(normalisation.centre, dtype=np.float64)))
+        self.register_buffer("scale", torch.tensor(float(normalisation.scale), dtype=torch.float64))
+
+    @property
+    def normalisation(self) -> Normalisation:
+        """File frame -> network frame."""
+        return Normalisation(self.centre.cpu().numpy(), float(self.scale))
+
+    @torch.no_grad()
+    def query(self, points: Float[Tensor, "n 3"]) -> FieldQuery:
+        """Everything the field knows at points in the file frame."""
+        parameter = self.trunk.output.weight
+        inside = ((points.to(self.centre) - self.centre) / self.scale).to(parameter)
+        traced = trace(self.trunk.sine_layers, self.trunk.output, inside, with_cosines=True)
+        grad, _ = gradient(self.trunk.sine_layers, self.trunk.output, traced)
+        logits = self._logits(torch.cat([traced.sines[self.trunk.tap - 1], inside], -1))
+        return FieldQuery(traced.sdf * self.scale.to(parameter), self._parts(logits), logits, grad)
+
+    @torch.no_grad()
+    def network_sdf(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        """Signed distance, network frame to network length units, for the extraction."""
+        sdf: ndarray = self.trunk(self._tensor(points))[0].cpu().numpy()
+        return sdf
+
+    @torch.no_grad()
+    def network_part(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
+        """Original part id at points in the network frame; -1 without a head."""
+        chunks = [self._parts(self._logits(self.trunk(chunk)[1])) for chunk in self._tensor(points).split(65536)]
+        parts: ndarray = torch.cat(chunks).cpu().numpy()
+        return parts
+
+    def _tensor(self, points: Float[ndarray, "n 3"]) -> Float[Tensor, "n 3"]:
+        parameter = self.trunk.output.weight
+        return torch.as_tensor(points, dtype=parameter.dtype, device=parameter.device)
+
+    def _logits(self, features: Float[Tensor, "n i"]) -> Float[Tensor, "n k"]:
+        """Logits without dropout, whatever mode the module is in."""
+        was_training = self.head.training
+        self.head.eval()
+        logits: Tensor = self.head(features)
+        self.head.train(was_training)
+        return logits
+
+    def _parts(self, logits: Float[Tensor, "n k"]) -> Int[Tensor, " n"]:
+        if logits.shape[1] == 0:
+            return torch.full(logits.shape[:1], UNLABELLED, device=logits.device)
+        return self.part_ids[logits.argmax(-1)]
+
+    def save(self, path: Path) -> None:
+        """Write the field as plain values, readable with `weights_only=True`."""
+        torch.save({"format": 1, **self.arguments, "state": self.state_dict()}, path)
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read a field written by `save`.
+
+        Raises:
+            InputError: The file is missing, truncated, or not a field.
+        """
+        if not path.is_file():
+            raise InputError(f"{path}: no such field checkpoint; a finished run folder holds field.ckpt")
+        try:
+            stored = torch.load(path, map_location="cpu", weights_only=True)
+            state = stored["state"]
+            normalisation = Normalisation(state["centre"].numpy(), float(state["scale"]))
+            field = cls(stored["trunk"], stored["head"], state["part_ids"].numpy(), normalisation)
+            field.load_state_dict(state)
+        except (RuntimeError, KeyError, EOFError, TypeError, OSError, ValueError, pickle.UnpicklingError) as error:
+            raise InputError(f"{path}: not a readable field checkpoint ({first_line(error)}); run the fit again") from error
+        return field.eval()
+
+
+def first_line(error: BaseException) -> str:
+    """The first line of an error's message, to be quoted in a one-line message."""
+    return (str(error).strip() or type(error).__name__).splitlines()[0]

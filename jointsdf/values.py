@@ -1,0 +1,176 @@
+"""Every value handed from one stage to the next; read this file first.
+
+Frames: *file* is the mesh file's own units; *network* is the training box, centred on the training cloud's mean and
+divided by its largest absolute coordinate; *unit* is the evaluation box, longest side 1. Every length says which.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.spatial import KDTree
+from torch import Tensor
+
+UNLABELLED = -1
+BOX = 1.1  # half side of the training box in the network frame (paper: samples in [-1.1, 1.1]^3)
+
+
+class InputError(ValueError):
+    """What the user gave cannot be used. The message is one line: the value, and the fix."""
+
+
+@dataclass(frozen=True)
+class Normalisation:
+    """The invertible map between the file frame and another: `(file - centre) / scale`.
+
+    Attributes:
+        centre: The point of the file frame that becomes the origin, file units.
+        scale: File units per unit of the other frame, > 0.
+    """
+
+    centre: Float[ndarray, "3"]
+    scale: float
+
+    def forward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """File frame -> the other frame."""
+        return (points - self.centre) / self.scale
+
+    def inverse(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """The other frame -> file frame."""
+        return points * self.scale + self.centre
+
+
+@dataclass(frozen=True)
+class LabelledMesh:
+    """A triangle mesh with one part label per face. Never modified in place.
+
+    Attributes:
+        vertices: Positions; file frame unless the variable's name says otherwise.
+        faces: Vertex indices, counter-clockwise seen from outside.
+        labels: Original part id of each face, -1 where unlabelled.
+    """
+
+    vertices: Float[ndarray, "v 3"]
+    faces: Int[ndarray, "f 3"]
+    labels: Int[ndarray, " f"]
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is no face at all (the field has no zero level set in the box)."""
+        return len(self.faces) == 0
+
+    @cached_property
+    def part_ids(self) -> Int[ndarray, " k"]:
+        """The distinct labels of the faces, ascending, without -1."""
+        ids = np.unique(self.labels)
+        return ids[ids != UNLABELLED]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One CAD mesh with its part labels, as loaded: the ground truth of a run.
+
+    Attributes:
+        name: Catalogue name, or `<stem>-<6 hex digits of the mesh's sha256>` for a path. Names folders and rows.
+        mesh: Ground truth in the file frame, original label ids. All labels are -1 where the shape has none.
+        mesh_sha256: Of the mesh file's bytes (of the generated arrays for a built-in part).
+        label_provider: Where the labels came from, e.g. `file:labels.npy`, `brep`, `brep:merged<=18`, `builtin`, `none`.
+        watertight: Whether every edge has exactly two faces; if not, signs come from the winding number.
+    """
+
+    name: str
+    mesh: LabelledMesh
+    mesh_sha256: str
+    label_provider: str
+    watertight: bool
+
+    @property
+    def labels_sha256(self) -> str:
+        """Of the labels themselves, wherever they came from."""
+        return hashlib.sha256(np.ascontiguousarray(self.mesh.labels, dtype="<i8").tobytes()).hexdigest()
+
+
+@dataclass(frozen=True)
+class SurfaceSamples:
+    """Area-uniform points on one surface, for evaluation. One frame for all points that are compared.
+
+    Attributes:
+        mesh: The surface the points lie on, same frame as the points.
+        points: Positions.
+        normals: Unit normal of each point's face.
+        faces: Index of each point's face in `mesh`.
+    """
+
+    mesh: LabelledMesh
+    points: Float[ndarray, "n 3"]
+    normals: Float[ndarray, "n 3"]
+    faces: Int[ndarray, " n"]
+
+    @property
+    def labels(self) -> Int[ndarray, " n"]:
+        """Part label of each point's face."""
+        return self.mesh.labels[self.faces]
+
+    @cached_property
+    def tree(self) -> KDTree:
+        """Nearest-neighbour index of the points, built once for all metrics."""
+        return KDTree(self.points)
+
+
+class Samples(NamedTuple):
+    """The points of one training step, a function of (seed, step) alone. Network frame.
+
+    Attributes:
+        manifold: Points on the surface.
+        labels: Class index 0..K-1 of each manifold point, -1 where unlabelled.
+        non_manifold: Points uniform in the box.
+        shell: Points near the surface.
+        angles: Rotation of each shell point's tangent frame about its normal, radians.
+        pool: Points whose exact signed distance is known.
+        pool_distances: That distance, negative inside.
+    """
+
+    manifold: Float[Tensor, "m 3"]
+    labels: Int[Tensor, " m"]
+    non_manifold: Float[Tensor, "n 3"]
+    shell: Float[Tensor, "s 3"]
+    angles: Float[Tensor, " s"]
+    pool: Float[Tensor, "p 3"]
+    pool_distances: Float[Tensor, " p"]
+
+
+@dataclass(frozen=True)
+class FieldValues:
+    """The field at one set of points. What no active term asked for was not computed and is None.
+
+    Attributes:
+        sdf: f(x), network length units.
+        grad: Gradient of f, dimensionless.
+        mixed: u^T H v in a random tangent frame (u, v) per point, 1 / network length.
+        logits: Pre-softmax part scores.
+    """
+
+    sdf: Float[Tensor, " n"]
+    grad: Float[Tensor, "n 3"] | None = None
+    mixed: Float[Tensor, " n"] | None = None
+    logits: Float[Tensor, "n k"] | None = None
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one training step evaluated, by the paper's names of the point sets; the input of every loss term.
+
+    Attributes:
+        fields: Field values at each point set that an active term needs: manifold, non_manifold, shell, pool.
+        labels: Class index of each manifold point, -1 where unlabelled.
+        pool_distances: Exact signed distance at the pool points, network length units.
+    """
+
+    fields: Mapping[str, FieldValues]
+    labels: Int[Tensor, " m"]
+    pool_distances: Float[Tensor, " p"]

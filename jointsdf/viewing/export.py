@@ -1,0 +1,112 @@
+"""Part-labelled meshes as files that other programs open in part colours, and as arrays for TensorBoard."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Float32, Int32, UInt8
+from numpy import ndarray
+from trimesh.visual.material import PBRMaterial
+
+from jointsdf.values import LabelledMesh
+from jointsdf.viewing.palette import part_colours
+
+TENSORBOARD_VERTICES = 65_535  # its page stores vertex indices as 16-bit integers
+
+
+def write_mesh(folder: Path, mesh: LabelledMesh) -> None:
+    """Write `mesh.ply`, `mesh.glb` and `labels.npy`; none of them is ever half-written.
+
+    `mesh.ply` has float64 vertices and, per face, a colour and an integer `label`. `mesh.glb` has one named node and
+    material per part. `labels.npy` is int64 in the face order of both `mesh` and `mesh.ply`. An empty mesh has no
+    `mesh.glb`: the format cannot hold one, and an older one is removed.
+
+    Args:
+        folder: Where; made if it does not exist.
+        mesh: File frame; labels below 2^31.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    _write(folder / "mesh.ply", _ply(mesh))
+    if mesh.is_empty:
+        (folder / "mesh.glb").unlink(missing_ok=True)
+    else:
+        _write(folder / "mesh.glb", _glb(mesh))
+    labels = io.BytesIO()
+    np.save(labels, mesh.labels.astype(np.int64), allow_pickle=False)
+    _write(folder / "labels.npy", labels.getvalue())
+
+
+def tensorboard_mesh(
+    mesh: LabelledMesh,
+) -> tuple[Float32[ndarray, "1 v 3"], UInt8[ndarray, "1 v 3"], Int32[ndarray, "1 f 3"]]:
+    """Vertices, vertex colours and faces for `SummaryWriter.add_mesh`; centred, the longest side 2.
+
+    Vertices at part borders are doubled, so that each face has its part's colour.
+
+    Args:
+        mesh: Not empty.
+
+    Raises:
+        ValueError: More vertices than TensorBoard can show.
+    """
+    assert not mesh.is_empty, "TensorBoard cannot show an empty mesh"
+    pairs = np.stack([mesh.faces.reshape(-1), np.repeat(mesh.labels, 3)], axis=1)
+    split, faces = np.unique(pairs, axis=0, return_inverse=True)
+    if len(split) > TENSORBOARD_VERTICES:
+        raise ValueError(
+            f"{len(split)} vertices: TensorBoard shows at most {TENSORBOARD_VERTICES}; extract at a lower resolution"
+        )
+    vertices = mesh.vertices[split[:, 0]]
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    vertices = (vertices - (low + high) / 2) * (2 / (high - low).max())
+    colours = part_colours(split[:, 1])
+    return vertices.astype(np.float32)[None], colours[None], faces.reshape(1, -1, 3).astype(np.int32)
+
+
+def _ply(mesh: LabelledMesh) -> bytes:
+    colours = [("red", "u1"), ("green", "u1"), ("blue", "u1"), ("alpha", "u1")]
+    faces = np.zeros(len(mesh.faces), dtype=[("count", "u1"), ("vertices", "<i4", 3), *colours, ("label", "<i4")])
+    faces["count"], faces["vertices"], faces["alpha"], faces["label"] = 3, mesh.faces, 255, mesh.labels
+    assert (faces["label"] == mesh.labels).all(), "a label beyond 32 bits"
+    faces["red"], faces["green"], faces["blue"] = part_colours(mesh.labels).T
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        "comment one part label per face, -1 where unlabelled",
+        f"element vertex {len(mesh.vertices)}",
+        *(f"property double {axis}" for axis in "xyz"),
+        f"element face {len(mesh.faces)}",
+        "property list uchar int vertex_indices",
+        *(f"property uchar {name}" for name, _ in colours),
+        "property int label",
+        "end_header\n",
+    ]
+    return "\n".join(header).encode() + mesh.vertices.astype("<f8").tobytes() + faces.tobytes()
+
+
+def _glb(mesh: LabelledMesh) -> bytes:
+    scene = trimesh.Scene()
+    for part in np.unique(mesh.labels).tolist():
+        vertices, faces = np.unique(mesh.faces[mesh.labels == part], return_inverse=True)
+        name = "unlabelled" if part < 0 else f"part_{part}"
+        geometry = trimesh.Trimesh(mesh.vertices[vertices], faces.reshape(-1, 3), process=False)
+        material = PBRMaterial(name, baseColorFactor=_linear(part), metallicFactor=0.0, roughnessFactor=0.7)
+        material.doubleSided = True
+        geometry.visual = trimesh.visual.TextureVisuals(material=material)
+        scene.add_geometry(geometry, node_name=name, geom_name=name)
+    content: bytes = scene.export(file_type="glb")
+    return content
+
+
+def _linear(part: int) -> UInt8[ndarray, "4"]:
+    """A part's colour without the sRGB curve, as glTF stores material colours."""
+    srgb = part_colours(np.array([part]))[0] / 255
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    return np.append(np.rint(255 * linear), 255).astype(np.uint8)
+
+
+def _write(path: Path, content: bytes) -> None:
+    unfinished = path.with_name(path.name + ".tmp")
+    unfinished.write_bytes(content)
+    unfinished.replace(path)

@@ -1,0 +1,155 @@
+"""Pictures of part-labelled meshes: part colours, soft light, dark lines at part borders, creases and outlines."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, UInt8
+from numpy import ndarray
+from PIL import Image, ImageDraw, ImageFont
+from scipy.ndimage import maximum_filter
+
+from jointsdf.values import LabelledMesh
+from jointsdf.viewing.palette import part_colours
+from jointsdf.viewing.raycast import Hits, cast, frame
+
+log = logging.getLogger(__name__)
+
+INK = np.array([28.0, 30.0, 36.0])
+LIGHTS = (((-0.45, 0.65, -0.62), 0.58), ((0.75, 0.1, -0.65), 0.22))  # towards the light (right, up, away), strength
+AMBIENT = 0.42
+OUTLINE, BORDER, CREASE = 1.0, 0.85, 0.42  # how dark each kind of line is
+CREASE_COSINE = np.cos(np.radians(30.0))
+JUMP = 3.0  # pixels of the finished picture in depth between neighbours that make an outline
+
+
+def render(
+    mesh: LabelledMesh,
+    *,
+    width: int = 640,
+    height: int = 480,
+    supersampling: int = 2,
+    azimuth: float = -52.0,
+    elevation: float = 28.0,
+    framed: LabelledMesh | None = None,
+) -> UInt8[ndarray, "h w 3"]:
+    """A picture of a mesh in part colours on white; the word "empty" for a mesh without faces.
+
+    Args:
+        mesh: What to show, +z up.
+        width: Pixels.
+        height: Pixels.
+        supersampling: Rays per pixel along each axis.
+        azimuth: Of the viewer about +z, from +x, degrees.
+        elevation: Of the viewer above the xy plane, degrees, inside (-90, 90).
+        framed: The mesh that the picture is fitted to, instead of `mesh`.
+    """
+    if mesh.is_empty:
+        return _notice("empty", width, height)
+    fitted = mesh if framed is None or framed.is_empty else framed
+    camera = frame(fitted, width * supersampling, height * supersampling, azimuth, elevation)
+    try:
+        hits = cast(mesh, camera)
+    except ImportError:
+        log.warning("no picture: embreex is not installed (pip install embreex)")
+        return _notice("no renderer: pip install embreex", width, height)
+    fine = _shade(mesh, hits)
+    fine += (INK - fine) * _lines(mesh, hits, supersampling)[..., None]
+    pixels = fine.reshape(height, supersampling, width, supersampling, 3).mean(axis=(1, 3))
+    return np.rint(pixels).astype(np.uint8)
+
+
+def compare(
+    truth: LabelledMesh,
+    predicted: LabelledMesh,
+    *,
+    captions: tuple[str, str] = ("ground truth", "prediction"),
+    width: int = 640,
+    height: int = 480,
+    supersampling: int = 2,
+    azimuth: float = -52.0,
+    elevation: float = 28.0,
+) -> UInt8[ndarray, "h w 3"]:
+    """Ground truth and prediction side by side, by the same camera, fitted to the ground truth.
+
+    Args:
+        truth: Left picture, file frame.
+        predicted: Right picture, file frame.
+        captions: Below the left and the right picture.
+        width: Pixels of each picture.
+        height: Pixels of each picture, without its caption.
+        supersampling: Rays per pixel along each axis.
+        azimuth: Of the viewer about +z, from +x, degrees.
+        elevation: Of the viewer above the xy plane, degrees, inside (-90, 90).
+    """
+    panels = [
+        render(
+            mesh,
+            width=width,
+            height=height,
+            supersampling=supersampling,
+            azimuth=azimuth,
+            elevation=elevation,
+            framed=truth,
+        )
+        for mesh in (truth, predicted)
+    ]
+    strip = max(24, height // 15)
+    below = [_notice(caption, width, strip) for caption in captions]
+    return np.concatenate([np.concatenate(panels, axis=1), np.concatenate(below, axis=1)], axis=0)
+
+
+def write_png(path: Path, image: UInt8[ndarray, "h w 3"]) -> None:
+    """Write a picture so that the file is never half-written.
+
+    Args:
+        path: Of the png file; its folder exists.
+        image: sRGB.
+    """
+    unfinished = path.with_name(path.name + ".tmp")
+    Image.fromarray(image).save(unfinished, format="png")
+    unfinished.replace(path)
+
+
+def _shade(mesh: LabelledMesh, hits: Hits) -> Float[ndarray, "h w 3"]:
+    light = np.full(hits.faces.shape, AMBIENT)
+    for direction, strength in LIGHTS:
+        towards = hits.normals @ (np.array(direction) / np.linalg.norm(direction))
+        light += strength * (0.5 + 0.5 * towards) ** 1.5
+    colours = part_colours(mesh.labels)[hits.faces] * np.minimum(light, 1.08)[..., None]
+    return np.where(hits.seen[..., None], np.minimum(colours, 255.0), 255.0)
+
+
+def _lines(mesh: LabelledMesh, hits: Hits, width: int) -> Float[ndarray, "h w"]:
+    """How much ink each pixel gets, 0..1, from the differences between neighbouring pixels.
+
+    Args:
+        mesh: What was seen.
+        hits: What each pixel sees.
+        width: By how many pixels lines grow from the two pixels that they separate.
+    """
+    ink = np.zeros(hits.faces.shape)
+    labels = mesh.labels[hits.faces]
+    for axis, slope in ((0, hits.slopes[..., 1]), (1, hits.slopes[..., 0])):
+        seen, part, normal, depth, rise = (
+            np.swapaxes(values, 0, axis) for values in (hits.seen, labels, hits.normals, hits.depths, slope)
+        )
+        both, step = seen[:-1] & seen[1:], np.diff(depth, axis=0)
+        jump = np.minimum(np.abs(step - rise[:-1]), np.abs(step - rise[1:])) > JUMP * width
+        strength = np.where(both & (np.sum(normal[:-1] * normal[1:], axis=2) < CREASE_COSINE), CREASE, 0.0)
+        strength[both & (part[:-1] != part[1:])] = BORDER
+        strength[(seen[:-1] != seen[1:]) | (both & jump)] = OUTLINE
+        lines = np.swapaxes(ink, 0, axis)
+        for side in (lines[:-1], lines[1:]):
+            np.maximum(side, strength, out=side)
+    grown: ndarray = maximum_filter(ink, size=width)
+    return grown
+
+
+def _notice(text: str, width: int, height: int) -> UInt8[ndarray, "h w 3"]:
+    """Text in the middle of a white picture."""
+    image = Image.new("RGB", (width, height), "white")
+    font = ImageFont.load_default(size=max(12, min(height * 0.7, width / 30)))
+    ink = tuple(INK.astype(int))
+    ImageDraw.Draw(image).text((width / 2, height / 2), text, fill=ink, font=font, anchor="mm")
+    return np.array(image)

@@ -1,0 +1,111 @@
+"""Exact distances against analytic shapes and brute force over all triangles."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from jointsdf import distance
+from jointsdf.distance import ExactDistance
+from jointsdf.values import LabelledMesh
+
+HALF = np.array([0.7, 0.5, 0.3])
+
+
+def labelled(mesh: trimesh.Trimesh) -> LabelledMesh:
+    return LabelledMesh(np.array(mesh.vertices), np.array(mesh.faces), np.zeros(len(mesh.faces), dtype=np.int64))
+
+
+def box() -> LabelledMesh:
+    return labelled(trimesh.creation.box(extents=2 * HALF))
+
+
+def box_distance(points: np.ndarray) -> np.ndarray:
+    q = np.abs(points) - HALF
+    return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+
+
+def uniform(count: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-1.1, 1.1, (count, 3))
+
+
+def segment_distance(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    along = np.clip((points - start) @ (end - start) / ((end - start) @ (end - start)), 0, 1)
+    return np.linalg.norm(points - start - along[:, None] * (end - start), axis=1)
+
+
+def triangle_distance(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Distance to one triangle: to its plane over its inside, else to the nearest edge."""
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    normal /= np.linalg.norm(normal)
+    height = (points - corners[0]) @ normal
+    edges = list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
+    over = np.all([(points - a) @ np.cross(normal, b - a) >= 0 for a, b in edges], axis=0)
+    return np.where(over, np.abs(height), np.min([segment_distance(points, a, b) for a, b in edges], axis=0))
+
+
+def test_box_is_exact_with_its_sign() -> None:
+    points = uniform(5000)
+    np.testing.assert_allclose(ExactDistance(box(), watertight=True).signed(points), box_distance(points), atol=1e-12)
+
+
+def test_sphere_is_exact_up_to_the_faceting() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.8)
+    points = uniform(5000)
+    sagitta = 0.8 - np.linalg.norm(ball.triangles_center, axis=1).min()
+    error = ExactDistance(labelled(ball), watertight=True).signed(points) - (np.linalg.norm(points, axis=1) - 0.8)
+    assert error.min() > -1e-12  # the polyhedron lies inside the sphere, so no distance is too small
+    assert error.max() < sagitta + 1e-12
+
+
+@pytest.mark.parametrize("watertight", [True, False])
+def test_value_and_face_equal_brute_force(watertight: bool) -> None:
+    mesh = labelled(trimesh.creation.torus(0.7, 0.25, major_sections=9, minor_sections=6))
+    points = uniform(400)
+    brute = np.stack([triangle_distance(points, corners) for corners in mesh.vertices[mesh.faces]])
+    exact = ExactDistance(mesh, watertight=watertight)
+    np.testing.assert_allclose(np.abs(exact.signed(points)), brute.min(axis=0), atol=1e-12)
+    np.testing.assert_allclose(brute[exact.closest_face(points), np.arange(400)], brute.min(axis=0), atol=1e-12)
+
+
+def test_winding_sign_agrees_with_the_pseudonormal_on_a_closed_mesh() -> None:
+    points = uniform(5000, seed=1)
+    by_winding = ExactDistance(box(), watertight=False).signed(points)
+    np.testing.assert_allclose(by_winding, box_distance(points), atol=1e-12)
+
+
+def test_sign_stays_right_far_from_a_hole() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.8)
+    kept = ball.triangles_center[:, 2] < 0.75
+    assert 20 < (~kept).sum() < 0.05 * len(kept)
+    mesh = LabelledMesh(np.array(ball.vertices), np.array(ball.faces)[kept], np.zeros(kept.sum(), dtype=np.int64))
+    points = uniform(20000, seed=2)
+    radius = np.linalg.norm(points, axis=1)
+    far = (np.abs(radius - 0.8) > 0.005) & (np.linalg.norm(points - [0, 0, 0.8], axis=1) > 0.6)
+    signed = ExactDistance(mesh, watertight=False).signed(points[far])
+    np.testing.assert_array_equal(signed < 0, radius[far] < 0.8)
+
+
+def test_frame_and_unit_are_the_meshs() -> None:
+    shifted = LabelledMesh(box().vertices * 250 + [1e4, -3e4, 5e3], box().faces, box().labels)
+    points = uniform(500)
+    signed = ExactDistance(shifted, watertight=True).signed(points * 250 + [1e4, -3e4, 5e3])
+    np.testing.assert_allclose(signed, 250 * box_distance(points), atol=1e-7)
+
+
+def test_chunks_do_not_change_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = uniform(1000)
+    exact = ExactDistance(box(), watertight=False)
+    whole = exact.signed(points), exact.closest_face(points)
+    monkeypatch.setattr(distance, "CHUNK", 64)
+    np.testing.assert_array_equal(exact.signed(points), whole[0])
+    np.testing.assert_array_equal(exact.closest_face(points), whole[1])
+
+
+@pytest.mark.parametrize("watertight", [True, False])
+def test_no_points_and_float32_points(watertight: bool) -> None:
+    exact = ExactDistance(box(), watertight=watertight)
+    assert exact.signed(np.zeros((0, 3))).shape == (0,)
+    assert exact.closest_face(np.zeros((0, 3))).shape == (0,)
+    points = uniform(50).astype(np.float32)
+    assert exact.signed(points).dtype == np.float64
+    np.testing.assert_allclose(exact.signed(points), box_distance(points.astype(np.float64)), atol=1e-12)

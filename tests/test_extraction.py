@@ -1,0 +1,246 @@
+"""Extraction against analytic level sets, and sparse evaluation against dense on fitted and unfitted fields."""
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from scipy.spatial import KDTree
+from torch import Tensor, nn
+
+from jointsdf.extraction import Extraction, Surface
+from jointsdf.values import BOX, InputError, Normalisation
+
+Sdf = Callable[[np.ndarray], np.ndarray]
+CELL = 2 * BOX / 127  # at 128 grid points
+UNIT = Normalisation(np.zeros(3), 1.0)
+TURN = np.linspace(0, 1, 400)
+WIRE = KDTree(np.stack([0.8 * np.cos(9 * TURN), 0.8 * np.sin(9 * TURN), 1.7 * TURN - 0.8], axis=1))
+
+
+def ball(centre: tuple[float, float, float], radius: float) -> Sdf:
+    return lambda points: np.linalg.norm(points - np.array(centre), axis=1) - radius
+
+
+def box(points: np.ndarray, half: tuple[float, float, float]) -> np.ndarray:
+    q = np.abs(points) - np.array(half)
+    return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+
+
+def drilled_box(points: np.ndarray) -> np.ndarray:
+    return np.maximum(box(points, (0.83, 0.61, 0.37)), 0.293 - np.hypot(points[:, 0], points[:, 1]))
+
+
+def torus(points: np.ndarray) -> np.ndarray:
+    return np.hypot(np.hypot(points[:, 0], points[:, 1]) - 0.61, points[:, 2]) - 0.17
+
+
+def far_apart(points: np.ndarray) -> np.ndarray:
+    return np.minimum(ball((0.45, 0.5, 0.4), 0.4)(points), ball((-0.71, -0.67, -0.73), 3 * CELL)(points))
+
+
+def plate(points: np.ndarray) -> np.ndarray:
+    return box(points - np.array([0, 0, 0.0071]), (0.8, 0.7, 0.75 * CELL))
+
+
+def truncated_tube(points: np.ndarray) -> np.ndarray:
+    """A ball with a helical wire 2 cells thick, cut off at +-0.4 cells: the coarse grid misses most of the wire."""
+    nearest = WIRE.query(points)[0]
+    return np.clip(np.minimum(nearest - CELL, ball((0.8, 0, -0.8), 0.2)(points)), -0.4 * CELL, 0.4 * CELL)
+
+
+class Siren(nn.Module):
+    """A small sine network: every layer's frequency and the spread of its weights are free."""
+
+    def __init__(self, omega: float, spread: float, seed: int) -> None:
+        super().__init__()
+        generator = torch.Generator().manual_seed(seed)
+        self.omega, sizes = omega, [3, 48, 48, 48, 1]
+        self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(sizes))
+        for depth, layer in enumerate(self.layers):
+            bound = 1 / 3 if depth == 0 else spread * (6 / layer.in_features) ** 0.5 / omega
+            nn.init.uniform_(layer.weight, -bound, bound, generator=generator)
+            nn.init.uniform_(layer.bias, -1 / omega, 1 / omega, generator=generator)
+
+    def forward(self, points: Tensor) -> Tensor:
+        for layer in self.layers[:-1]:
+            points = torch.sin(self.omega * layer(points))
+        return self.layers[-1](points)[:, 0]
+
+    def sdf(self, points: np.ndarray) -> np.ndarray:
+        assert points.dtype == np.float32
+        with torch.no_grad():
+            return self(torch.from_numpy(points)).numpy()
+
+
+def fitted(steps: int) -> Sdf:
+    field = Siren(omega=30, spread=1, seed=0)
+    generator = torch.Generator().manual_seed(1)
+    optimizer = torch.optim.Adam(field.parameters(), lr=3e-4)
+    for _ in range(steps):
+        points = (2 * torch.rand(1000, 3, generator=generator) - 1) * BOX
+        loss = (field(points) - torch.from_numpy(drilled_box(points.numpy())).float()).abs().mean()
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    return field.sdf
+
+
+def as_trimesh(surface: Surface) -> trimesh.Trimesh:
+    return trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+
+
+def assert_same(sparse: Surface, dense: Surface) -> None:
+    np.testing.assert_array_equal(sparse.faces, dense.faces)
+    np.testing.assert_allclose(sparse.vertices, dense.vertices, atol=1e-6, rtol=0)
+    assert len(dense.faces) > 0
+
+
+@pytest.mark.parametrize(("resolution", "share"), [(128, 0.10), (256, 0.06)])
+def test_sphere_is_within_a_tenth_of_a_cell(resolution: int, share: float) -> None:
+    surface = Extraction(resolution).surface(ball((0.013, -0.021, 0.034), 0.7))
+    offsets = np.linalg.norm(surface.vertices - [0.013, -0.021, 0.034], axis=1) - 0.7
+    assert np.abs(offsets).max() < 0.1 * 2 * BOX / (resolution - 1)
+    mesh = as_trimesh(surface)
+    assert mesh.is_watertight
+    assert mesh.euler_number == 2
+    assert mesh.volume == pytest.approx(4 / 3 * np.pi * 0.7**3, rel=1e-3)  # positive: faces look outward
+    assert surface.evaluated < share
+
+
+@pytest.mark.parametrize("resolution", [97, 128])
+@pytest.mark.parametrize("sdf", [drilled_box, torus, far_apart, plate], ids=lambda sdf: sdf.__name__)
+def test_sparse_is_dense_on_analytic_fields(sdf: Sdf, resolution: int) -> None:
+    sparse = Extraction(resolution, "sparse").surface(sdf)
+    dense = Extraction(resolution, "dense").surface(sdf)
+    assert_same(sparse, dense)
+    assert sparse.evaluated < 0.2
+    assert dense.evaluated == 1
+
+
+def test_genus_and_components_are_the_shapes() -> None:
+    extraction = Extraction(128)
+    assert as_trimesh(extraction.surface(drilled_box)).euler_number == 0
+    assert as_trimesh(extraction.surface(torus)).euler_number == 0
+    assert as_trimesh(extraction.surface(far_apart)).body_count == 2
+    thin = as_trimesh(extraction.surface(plate))
+    assert thin.is_watertight
+    assert thin.euler_number == 2
+
+
+def test_surface_is_followed_where_the_coarse_grid_sees_no_slope() -> None:
+    sparse = Extraction(128, "sparse").surface(truncated_tube)
+    assert_same(sparse, Extraction(128, "dense").surface(truncated_tube))
+    assert sparse.evaluated < 0.1
+
+
+def test_sparse_is_dense_on_a_fitted_field() -> None:
+    sdf = fitted(steps=150)
+    sparse = Extraction(100, "sparse").surface(sdf)
+    assert_same(sparse, Extraction(100, "dense").surface(sdf))
+    assert sparse.evaluated < 0.35
+
+
+@pytest.mark.parametrize(("omega", "spread", "seed"), [(30, 1, 0), (45, 1.5, 1), (10, 3, 2)])
+def test_sparse_is_dense_on_an_unfitted_field(omega: float, spread: float, seed: int) -> None:
+    field = Siren(omega, spread, seed)
+    assert_same(Extraction(64, "sparse").surface(field.sdf), Extraction(64, "dense").surface(field.sdf))
+
+
+@pytest.mark.parametrize("method", ["sparse", "dense"])
+def test_chunks_do_not_change_the_mesh(method: str) -> None:
+    whole = Extraction(48, method, chunk=1 << 20).surface(torus)
+    pieces = Extraction(48, method, chunk=1000).surface(torus)
+    np.testing.assert_array_equal(whole.vertices, pieces.vertices)
+    np.testing.assert_array_equal(whole.faces, pieces.faces)
+    assert whole.evaluated == pieces.evaluated
+
+
+def test_no_point_is_evaluated_twice_and_coordinates_are_not_rounded() -> None:
+    seen: list[np.ndarray] = []
+
+    def recorded(points: np.ndarray) -> np.ndarray:
+        seen.append(points)
+        return torus(points)
+
+    surface = Extraction(64).surface(recorded)
+    points = np.concatenate(seen)
+    assert points.dtype == np.float32
+    assert len(np.unique(points, axis=0)) == len(points) == round(surface.evaluated * 64**3)
+    index = (points.astype(np.float64) + BOX) / (2 * BOX / 63)
+    assert np.abs(index - np.rint(index)).max() < 63 * 1e-7  # half a float32 unit, in cells
+
+
+@pytest.mark.parametrize("method", ["sparse", "dense"])
+@pytest.mark.parametrize("value", [1.0, -1.0, np.nan])
+def test_no_sign_change_is_an_empty_mesh(method: str, value: float) -> None:
+    mesh = Extraction(32, method).labelled_mesh(
+        lambda points: np.full(len(points), value), lambda points: np.zeros(len(points), dtype=np.int64), UNIT
+    )
+    assert mesh.is_empty
+    assert mesh.vertices.shape == mesh.faces.shape == (0, 3)
+    assert mesh.labels.shape == (0,)
+
+
+@pytest.mark.parametrize("method", ["sparse", "dense"])
+def test_zeros_at_grid_points_leave_no_degenerate_face(method: str) -> None:
+    step = np.float32(2 * BOX / 32)
+    surface = Extraction(33, method).surface(lambda points: np.abs(np.rint(points / step)).sum(axis=1) - 9)
+    mesh = as_trimesh(surface)
+    assert mesh.is_watertight
+    assert mesh.euler_number == 2
+    assert mesh.area_faces.min() > 1e-6
+    assert mesh.volume == pytest.approx(4 / 3 * (9 * float(step)) ** 3, rel=1e-6)  # an octahedron
+
+
+def test_a_single_zero_is_an_empty_mesh() -> None:
+    def touching(points: np.ndarray) -> np.ndarray:
+        return np.rint(np.abs(points).sum(axis=1) / (2 * BOX / 16))
+
+    assert len(Extraction(17).surface(touching).faces) == 0
+
+
+def test_faces_take_the_majority_and_only_ties_are_asked_again() -> None:
+    asked: list[np.ndarray] = []
+
+    def label(points: np.ndarray) -> np.ndarray:
+        """Six sectors about z, and four slabs in z: three sectors meet at slab borders."""
+        asked.append(points)
+        sector = np.floor(np.arctan2(points[:, 1], points[:, 0]) * 3 / np.pi).astype(np.int64)
+        return 10 * sector + np.floor(4 * points[:, 2]).astype(np.int64) + 100
+
+    extraction = Extraction(64)
+    mesh = extraction.labelled_mesh(ball((0, 0, 0), 0.7), label, UNIT)
+    queried = len(np.concatenate(asked))
+    at_vertices = label(mesh.vertices.astype(np.float32))[mesh.faces]
+    at_centroids = label(mesh.vertices[mesh.faces].mean(axis=1).astype(np.float32))
+    ties = 0
+    for votes, centroid, found in zip(at_vertices.tolist(), at_centroids, mesh.labels, strict=True):
+        winners = [vote for vote in votes if votes.count(vote) > 1]
+        assert found == (winners[0] if winners else centroid)
+        ties += not winners
+    assert ties > 0
+    assert queried == len(mesh.vertices) + ties
+
+
+def test_mesh_comes_back_in_file_units() -> None:
+    file_units = Normalisation(np.array([120.0, -40.0, 7.5]), 35.0)
+    mesh = Extraction(64).labelled_mesh(
+        ball((0, 0, 0), 0.7), lambda points: (points[:, 0] > 0).astype(np.int64), file_units
+    )
+    radii = np.linalg.norm(mesh.vertices - file_units.centre, axis=1)
+    np.testing.assert_allclose(radii, 0.7 * 35, atol=0.1 * 35 * 2 * BOX / 63)
+    surface = Extraction(64).surface(ball((0, 0, 0), 0.7))
+    np.testing.assert_allclose(file_units.forward(mesh.vertices), surface.vertices, atol=1e-12)
+    centroids = mesh.vertices[mesh.faces].mean(axis=1)[:, 0] - 120
+    clear = np.abs(centroids) > 35 * 2 * BOX / 63
+    np.testing.assert_array_equal(mesh.labels[clear], centroids[clear] > 0)
+
+
+@pytest.mark.parametrize("wrong", [{"resolution": 7}, {"resolution": 4096}, {"method": "octree"}, {"chunk": 0}])
+def test_values_out_of_range_name_the_fix(wrong: dict[str, int | str]) -> None:
+    key, value = next(iter(wrong.items()))
+    with pytest.raises(InputError, match=f"extraction.{key}={value}: use "):
+        Extraction(**wrong)

@@ -1,0 +1,196 @@
+import hashlib
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jointsdf import results
+from jointsdf.results import LIBRARIES, ResultRow, config_hash, provenance, read_row, read_rows, write_row
+
+ROW = ResultRow(
+    study="fast",
+    variant="base",
+    recipe="fast",
+    head="siren",
+    shape="part_01",
+    seed=0,
+    status="ok",
+    steps=1200,
+    num_parts=7,
+    counts={"faces_gt": 1200, "parameters_trunk": 264449},
+    seconds={"fit": 41.5, "total": 60.0},
+    peak_memory_mb=812.25,
+    scores={"unit": {"cd_l1": 0.25, "iou_0": 0.97}, "flatcad": {"cd_l1": 0.31}},
+    provenance={"commit": "abc", "dirty": False, "label_provider": "builtin", "versions": {"torch": "2.13.0"}},
+)
+
+
+def no_constant(token: str) -> None:
+    raise AssertionError(f"{token} is not strict JSON")
+
+
+def test_a_row_comes_back_as_it_was(tmp_path: Path) -> None:
+    path = write_row(tmp_path / "new" / "folder", ROW)
+    assert path == tmp_path / "new" / "folder" / "result.json"
+    assert read_row(path) == ROW
+    assert path.read_text().count("\n") > 20  # for human eyes
+    assert [entry.name for entry in path.parent.iterdir()] == ["result.json"]
+
+
+def test_numbers_that_are_not_finite_are_null_in_the_file_and_nan_when_read(tmp_path: Path) -> None:
+    scores = {"unit": {"nan": math.nan, "plus": math.inf, "minus": -math.inf, "zero": 0.0, "whole": 3.0}}
+    row = replace(ROW, scores=scores, peak_memory_mb=math.nan, seconds={"fit": math.nan})
+    path = write_row(tmp_path, row)
+    content = json.loads(path.read_text(), parse_constant=no_constant)
+    assert content["scores"]["unit"] == {"nan": None, "plus": None, "minus": None, "zero": 0.0, "whole": 3.0}
+    read = read_row(path)
+    assert all(math.isnan(read.scores["unit"][name]) for name in ("nan", "plus", "minus"))
+    assert read.scores["unit"]["zero"] == 0.0
+    assert math.isnan(read.peak_memory_mb)
+    assert math.isnan(read.seconds["fit"])
+
+
+def test_numpy_scalars_and_whole_numbers_become_plain_floats(tmp_path: Path) -> None:
+    path = write_row(
+        tmp_path, replace(ROW, scores={"unit": {"nc": np.float64(0.5)}}, provenance={"sizes": {"n": np.int64(3)}})
+    )
+    content = json.loads(path.read_text())
+    content["scores"]["unit"]["components"] = 1
+    path.write_text(json.dumps(content))
+    row = read_row(path)
+    assert row.provenance == {"sizes": {"n": 3}}
+    assert row.scores == {"unit": {"nc": 0.5, "components": 1.0}}
+    assert type(row.scores["unit"]["components"]) is float
+
+
+def test_a_full_disk_leaves_the_old_row_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_row(tmp_path, ROW)
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_row(tmp_path, replace(ROW, seed=5))
+    assert read_row(path) == ROW
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def altered(**changes: object) -> str:
+    content = json.loads(json.dumps({**vars(ROW), **changes}))
+    return json.dumps({name: value for name, value in content.items() if value != "REMOVED"})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "Expecting value"),
+        ('{"study": "fa', "Unterminated string"),
+        ("[]", "no schema number"),
+        ("{}", "no schema number"),
+        (altered(schema="1"), "no schema number"),
+        (altered(schema=0), "older than 1"),
+        (altered(schema=2), "newer than 1: update jointsdf"),
+        (altered(head="REMOVED"), "missing or unknown keys: head"),
+        (altered(colour="red"), "missing or unknown keys: colour"),
+        (altered(seed="0"), "wrong type of seed"),
+        (altered(provenance=None), "wrong type of provenance"),
+        (altered(scores=[]), "must hold numbers"),
+        (altered(scores={"unit": 3}), "must hold numbers"),
+        (altered(scores={"unit": {"nc": "good"}}), "must hold numbers"),
+        (altered(peak_memory_mb="much"), "must hold numbers"),
+        (altered(seconds={"fit": [1]}), "must hold numbers"),
+        (json.dumps({**vars(ROW), "scores": {"unit": {"nc": math.nan}}}), "NaN is not JSON"),
+        ("\udcff", "utf-8"),
+    ],
+)
+def test_a_bad_file_is_one_line_with_its_name(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "result.json"
+    path.write_bytes(text.encode(errors="surrogateescape"))
+    with pytest.raises(ValueError, match=re.escape(message)) as caught:
+        read_row(path)
+    assert str(caught.value).startswith(f"{path}: not a readable result row: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_rows_are_found_at_any_depth_and_problems_are_lines(tmp_path: Path) -> None:
+    write_row(tmp_path / "b" / "c", replace(ROW, seed=1))
+    write_row(tmp_path / "a", ROW)
+    write_row(tmp_path / "copy", ROW)
+    (tmp_path / "d").mkdir()
+    (tmp_path / "d" / "result.json").write_text("{")
+    rows, problems = read_rows(tmp_path)
+    assert rows == [ROW, replace(ROW, seed=1)]
+    assert len(problems) == 2
+    assert problems[0].startswith(f"{tmp_path / 'copy' / 'result.json'}: left out, the same run as ")
+    assert problems[1].startswith(f"{tmp_path / 'd' / 'result.json'}: not a readable result row: ")
+
+
+def test_a_missing_folder_holds_no_rows(tmp_path: Path) -> None:
+    assert read_rows(tmp_path / "nothing") == ([], [])
+
+
+def test_config_hash_is_the_sha256_of_canonical_json() -> None:
+    config = {"seed": 0, "loss": {"weights": {"eikonal": 50.0, "dirichlet": 7000}, "on": ["manifold", "shell"]}}
+    text = '{"loss":{"on":["manifold","shell"],"weights":{"dirichlet":7000,"eikonal":50.0}},"seed":0}'
+    assert config_hash(config) == hashlib.sha256(text.encode()).hexdigest()[:16]
+    assert config_hash(dict(reversed(config.items()))) == config_hash(config)
+    assert config_hash({**config, "seed": 1}) != config_hash(config)
+    assert config_hash({"on": ["a", "b"]}) != config_hash({"on": ["b", "a"]})
+
+
+def test_provenance_names_code_versions_and_machine() -> None:
+    facts = provenance(config_hash="0123456789abcdef", device="cpu", label_provider="brep")
+    assert facts["config_hash"] == "0123456789abcdef"
+    assert (facts["device"], facts["label_provider"]) == ("cpu", "brep")
+    versions = facts["versions"]
+    assert isinstance(versions, dict)
+    assert set(versions) == set(LIBRARIES)
+    assert versions["numpy"] == np.__version__
+    assert f"{os.cpu_count()} cores" in str(facts["machine"])
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00", str(facts["date"]))
+    assert json.loads(json.dumps(facts)) == facts
+
+
+def git(folder: Path, *arguments: str) -> str:
+    identity = ["-c", "user.name=t", "-c", "user.email=t@example.org"]
+    command = ["git", "-C", str(folder), *identity, *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def test_the_commit_is_of_tracked_code_and_says_when_code_changed(tmp_path: Path) -> None:
+    package = tmp_path / "package"
+    package.mkdir()
+    (tmp_path / "conf").mkdir()
+    (package / "results.py").write_text("")
+    assert results._git_state(package) == ("unknown", "unknown")  # no repository
+    git(tmp_path, "init", "-q")
+    git(tmp_path, "commit", "-q", "--allow-empty", "-m", "first")
+    assert results._git_state(package) == ("unknown", "unknown")  # somebody else's repository
+    git(tmp_path, "add", "package")
+    git(tmp_path, "commit", "-q", "-m", "second")
+    head = git(tmp_path, "rev-parse", "HEAD")
+    assert results._git_state(package) == (head, False)
+    (tmp_path / "notes.txt").write_text("not code")
+    assert results._git_state(package) == (head, False)
+    (tmp_path / "conf" / "new.yaml").write_text("a: 1")
+    assert results._git_state(package) == (head, True)
+
+
+def test_git_may_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    assert provenance(config_hash="0")["commit"] == "unknown"
+
+
+@pytest.mark.parametrize("module", ["jointsdf.results", "jointsdf.study.tables", "jointsdf.study.__main__"])
+def test_no_torch_is_needed(module: str) -> None:
+    code = f"import sys, {module}; print([name for name in ('torch', 'lightning') if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

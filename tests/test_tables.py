@@ -1,0 +1,405 @@
+import logging
+import math
+import re
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from jointsdf.results import ResultRow, write_row
+from jointsdf.study.__main__ import main
+from jointsdf.study.collect import collect, label_kind, source_of
+from jointsdf.study.latex import best, cell, escape
+from jointsdf.study.statistics import Summary, common_shapes, per_shape, summarise
+from jointsdf.study.tables import write_tables
+
+NAN = math.nan
+
+
+def make_row(
+    head: str = "relu",
+    shape: str = "abc_0001",
+    seed: int = 0,
+    *,
+    study: str = "fast",
+    recipe: str = "fast",
+    variant: str = "base",
+    provider: str = "brep",
+    status: str = "ok",
+    protocol: str = "unit",
+    sha: str | None = None,
+    **metrics: float,
+) -> ResultRow:
+    return ResultRow(
+        study=study,
+        variant=variant,
+        recipe=recipe,
+        head=head,
+        shape=shape,
+        seed=seed,
+        status=status,
+        steps=10,
+        num_parts=2,
+        counts={"faces_pred": 100},
+        seconds={"fit": 2.5},
+        peak_memory_mb=100.0,
+        scores={protocol: metrics},
+        provenance={"label_provider": provider, "mesh_sha256": sha or shape, "versions": {"torch": "2.13.0"}},
+    )
+
+
+def write(outputs: Path, *rows: ResultRow) -> None:
+    for number, row in enumerate(rows):
+        write_row(outputs / f"run{number:04d}", row)
+
+
+def line(table: pd.DataFrame, head: str) -> pd.Series:
+    (_, found), *others = table[table["head"] == head].iterrows()
+    assert not others
+    return found
+
+
+def read(outputs: Path, name: str) -> pd.DataFrame:
+    return pd.read_csv(outputs / "tables" / f"{name}.csv")
+
+
+def tex(outputs: Path, name: str) -> str:
+    return (outputs / "tables" / f"{name}.tex").read_text(encoding="utf-8")
+
+
+# -- collect
+
+
+@pytest.mark.parametrize(
+    ("shape", "source"),
+    [
+        ("abc_0001", "abc"),
+        ("part_01", "builtin"),
+        ("bracket-0a1b2c", "file"),
+        ("part_01-0a1b2c", "file"),
+        ("abc_0001-ffffff", "file"),
+        ("abcd", "file"),
+    ],
+)
+def test_source_is_told_by_the_shapes_name(shape: str, source: str) -> None:
+    assert source_of(shape) == source
+
+
+def test_label_kind_drops_the_settings() -> None:
+    assert [label_kind(name) for name in ("file:labels.npy", "brep:merged<=18", "brep", "none")] == [
+        "file",
+        "brep",
+        "brep",
+        "none",
+    ]
+
+
+def test_collect_gives_one_line_per_run_and_protocol() -> None:
+    row = make_row(cd_l1=0.5, cd_l1_floor=0.25, iou_10=0.5, iou_9=0.25, nc=0.9)
+    both = ResultRow(**{**vars(row), "scores": {"unit": row.scores["unit"], "flatcad": {"cd_l1": 0.75}}})
+    table = collect([both, make_row(head="deep_skip", cd_l1=1.0, cd_l1_floor=0.0)])
+    assert list(table["protocol"]) == ["flatcad", "unit", "unit"]
+    assert list(table["head"]) == ["relu", "deep_skip", "relu"]
+    unit = table.iloc[2]
+    assert unit["cd_l1_over_floor"] == 2.0
+    assert table["cd_l1_over_floor"].isna().tolist() == [True, True, False]  # no floor, floor 0
+    assert (unit["seconds_fit"], unit["faces_pred"], unit["versions_torch"]) == (2.5, 100, "2.13.0")
+    assert (unit["source"], unit["label_provider"], unit["status"], unit["steps"]) == ("abc", "brep", "ok", 10)
+    columns = list(table.columns)
+    assert columns[:5] == ["study", "variant", "recipe", "protocol", "head"]
+    assert columns.index("nc") < columns.index("iou_9") < columns.index("iou_10") < columns.index("seconds_fit")
+
+
+def test_a_run_without_scores_keeps_its_line() -> None:
+    row = ResultRow(**{**vars(make_row(status="empty_mesh")), "scores": {}})
+    table = collect([row])
+    assert (table.loc[0, "protocol"], table.loc[0, "status"]) == ("unit", "empty_mesh")
+
+
+# -- statistics
+
+
+def test_summary_is_the_sample_mean_and_std_without_nan() -> None:
+    assert summarise([1.0, NAN, 3.0, 5.0]) == Summary(3, 3.0, 2.0)
+    assert summarise([4.0]) == Summary(1, 4.0, 0.0)
+    nothing = summarise([NAN])
+    assert nothing.n == 0
+    assert math.isnan(nothing.mean)
+
+
+def test_seeds_are_averaged_within_a_shape_first() -> None:
+    runs = collect([make_row(seed=0, nc=0.2), make_row(seed=1, nc=0.4), make_row(seed=2, nc=NAN)])
+    assert per_shape(runs, "nc") == {"abc_0001": pytest.approx(0.3)}
+    assert math.isnan(per_shape(runs, "unheard_of")["abc_0001"])
+
+
+def test_common_shapes_names_who_lacks_the_others() -> None:
+    runs = collect([make_row("relu", "a"), make_row("relu", "b"), make_row("siren", "b"), make_row("siren", "c")])
+    assert common_shapes(runs) == (["b"], {"a": ["siren"], "c": ["relu"]})
+
+
+# -- latex
+
+
+def test_escape_covers_every_special_character() -> None:
+    assert escape("deep_skip & 50% #1 ±") == r"deep\_skip \& 50\% \#1 $\pm$"
+    assert (
+        escape("a\\b{c}<~^$|") == r"a\textbackslash{}b\{c\}\textless{}\textasciitilde{}\textasciicircum{}\$\textbar{}"
+    )
+
+
+def test_cell_says_when_shapes_are_missing() -> None:
+    assert cell(Summary(3, 0.12345, 0.1), digits=3, out_of=3, bold=False) == r"0.123 $\pm$ 0.100"
+    assert cell(Summary(2, 0.12345, 0.1), digits=2, out_of=3, bold=True) == r"\textbf{0.12} $\pm$ 0.10 ($n=2$)"
+    assert cell(Summary(0, NAN, NAN), digits=2, out_of=3, bold=False) == "--"
+
+
+def test_best_is_by_direction_as_printed_among_complete_means() -> None:
+    summaries = [Summary(2, 0.5001, 0.0), Summary(2, 0.4999, 0.0), Summary(2, 0.7, 0.0), Summary(1, 0.1, 0.0)]
+    assert best(summaries, digits=2, out_of=2, goal="low") == [True, True, False, False]
+    assert best(summaries, digits=2, out_of=2, goal="high") == [False, False, True, False]
+    assert best(summaries, digits=2, out_of=2, goal="none") == [False] * 4
+    assert best(summaries[:1], digits=2, out_of=2, goal="low") == [False]
+
+
+# -- tables against hand computation
+
+
+@pytest.fixture
+def outputs(tmp_path: Path) -> Path:
+    """Two heads and the baseline on two common shapes; abc_0003 lacks siren, abc_0004 was run by siren alone."""
+    unit = {"cd_l1_floor": 0.2, "components": 1.0, "miou_floor": 0.9, "miou_exact_ceiling": 0.98}
+    write(
+        tmp_path,
+        make_row("relu", "abc_0001", 0, **unit, cd_l1=0.2, nc=0.90, miou=0.5, iou_0=0.4, iou_1=0.6),
+        make_row("relu", "abc_0001", 1, **unit, cd_l1=0.4, nc=0.92, miou=0.7, iou_0=0.6, iou_1=0.8),
+        make_row("relu", "abc_0002", 0, **unit, cd_l1=0.5, nc=0.95, miou=0.8, iou_0=0.8),
+        make_row("relu", "abc_0003", 0, **unit, cd_l1=9.0, nc=0.10, miou=0.1, iou_0=0.1),
+        make_row("siren", "abc_0001", 0, **unit, cd_l1=0.2, nc=0.99, miou=0.9, iou_0=0.9, iou_1=0.9),
+        make_row("siren", "abc_0002", 0, **unit, cd_l1=0.4, nc=0.89, miou=0.4, iou_0=0.4),
+        make_row("siren", "abc_0004", 0, **unit, cd_l1=0.1, nc=0.99, miou=0.9, iou_0=0.9),
+        make_row("none", "abc_0001", 0, **unit, provider="none", cd_l1=0.3, nc=0.91),
+        make_row("none", "abc_0002", 0, **unit, provider="none", cd_l1=0.3, nc=0.91),
+    )
+    write_tables(tmp_path)
+    return tmp_path
+
+
+def test_reconstruction_by_hand(outputs: Path) -> None:
+    table = read(outputs, "main_reconstruction")
+    assert list(table["head"]) == ["none", "relu", "siren"]
+    relu = line(table, "relu")  # abc_0001: (0.2 + 0.4) / 2 = 0.3, abc_0002: 0.5
+    assert relu["n"] == 2
+    assert relu["cd_l1_mean"] == pytest.approx(0.4)
+    assert relu["cd_l1_std"] == pytest.approx(math.sqrt(0.02))  # (0.1^2 + 0.1^2) / (2 - 1)
+    assert relu["cd_l1_over_floor_mean"] == pytest.approx(2.0)
+    assert relu["nc_mean"] == pytest.approx(0.93)
+    assert relu["cd_l1_n"] == 2
+    assert relu["cd_l2_n"] == 0
+    assert math.isnan(relu["cd_l2_mean"])
+    assert line(table, "siren")["cd_l1_mean"] == pytest.approx(0.3)
+    assert line(table, "none")["cd_l1_std"] == 0.0
+    assert set(table["dropped_shapes"]) == {"abc_0003 abc_0004"}
+
+
+def test_reconstruction_tex_marks_the_best_and_lists_the_dropped(outputs: Path) -> None:
+    text = tex(outputs, "main_reconstruction")
+    rows = {row.split(" & ")[0]: row for row in text.splitlines() if " & " in row}
+    assert r"\textbf{0.300} $\pm$ 0.141" in rows["siren"]  # cd_l1: lowest, a tie with the baseline
+    assert r"\textbf{0.300} $\pm$ 0.000" in rows["none"]
+    assert r"0.400 $\pm$ 0.141" in rows["relu"]
+    assert rows["siren"].count(r"\textbf{0.940}") == 1  # nc: highest
+    assert r"\textbf{0.930}" not in text
+    assert "0.200" in rows["relu"]
+    assert r"\textbf{0.200}" not in text  # the floor is not a competition
+    assert r"Left out: abc\_0003 (no none, siren); abc\_0004 (no none, relu)." in text
+    assert "1 to 2 seeds averaged first" in text
+
+
+def test_segmentation_by_hand_has_no_baseline_but_floor_and_ceiling(outputs: Path) -> None:
+    table = read(outputs, "main_segmentation")
+    assert list(table["head"]) == ["relu", "siren", "floor", "ceiling"]
+    assert line(table, "relu")["miou_mean"] == pytest.approx((0.6 + 0.8) / 2)
+    assert line(table, "siren")["miou_mean"] == pytest.approx(0.65)
+    assert line(table, "siren")["miou_std"] == pytest.approx(math.sqrt(2 * 0.25**2))
+    assert line(table, "floor")["miou_mean"] == pytest.approx(0.9)
+    assert line(table, "floor")["miou_exact_n"] == 0
+    assert line(table, "ceiling")["miou_exact_mean"] == pytest.approx(0.98)
+    assert line(table, "ceiling")["miou_n"] == 0
+    text = tex(outputs, "main_segmentation")
+    assert r"\textit{floor} & 2 & 0.900 $\pm$ 0.000 & --" in text
+    assert r"relu & 2 & \textbf{0.700} $\pm$ 0.141" in text
+
+
+def test_per_part_iou_is_over_the_shapes_that_have_the_part(outputs: Path) -> None:
+    table = read(outputs, "per_part_iou")
+    relu = table[table["head"] == "relu"].set_index("part")
+    assert list(relu["n"]) == [2, 1]
+    assert relu.loc[0, "iou_mean"] == pytest.approx((0.5 + 0.8) / 2)
+    assert relu.loc[0, "iou_std"] == pytest.approx(math.sqrt(2 * 0.15**2))
+    assert relu.loc[1, "iou_mean"] == pytest.approx(0.7)
+    assert relu.loc[1, "iou_std"] == 0.0
+    assert "none" not in set(table["head"])
+    text = tex(outputs, "per_part_iou")
+    assert r"$P_{0}$ & 2 & 0.65 $\pm$ 0.21 & 0.65 $\pm$ 0.35" in text.replace(r"\textbf{0.65}", "0.65")
+    assert r"$P_{1}$ & 1 & 0.70 $\pm$ 0.00 & \textbf{0.90} $\pm$ 0.00" in text
+
+
+def test_a_part_that_no_shape_has_is_dashes(tmp_path: Path) -> None:
+    write(tmp_path, make_row("relu", miou=1.0, iou_0=1.0, iou_2=0.5))
+    write_tables(tmp_path)
+    assert r"$P_{1}$ & 0 & --" in tex(tmp_path, "per_part_iou")
+    assert read(tmp_path, "per_part_iou")["n"].tolist() == [1, 0, 1]
+
+
+def test_part_ids_far_apart_are_listed_alone(tmp_path: Path) -> None:
+    write(tmp_path, make_row("relu", miou=1.0, iou_7=1.0, iou_100000=0.5))
+    write_tables(tmp_path)
+    assert read(tmp_path, "per_part_iou")["part"].tolist() == [7, 100000]
+
+
+def test_an_empty_mesh_is_counted_and_named_and_its_distances_are_not_zero(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        make_row("relu", "abc_0001", cd_l1=NAN, f1=0.0, miou=0.0, acc=0.0, status="empty_mesh"),
+        make_row("relu", "abc_0002", cd_l1=0.1, f1=0.8, miou=0.8, acc=0.8),
+        make_row("siren", "abc_0001", cd_l1=0.5, f1=0.6, miou=0.6, acc=0.6),
+        make_row("siren", "abc_0002", cd_l1=0.7, f1=0.6, miou=0.6, acc=0.6),
+    )
+    write_tables(tmp_path)
+    relu = line(read(tmp_path, "main_reconstruction"), "relu")
+    assert (relu["n"], relu["cd_l1_n"], relu["f1_n"]) == (2, 1, 2)
+    assert relu["cd_l1_mean"] == pytest.approx(0.1)
+    assert relu["f1_mean"] == pytest.approx(0.4)
+    text = tex(tmp_path, "main_reconstruction")
+    assert r"relu on abc\_0001 (seed 0, empty\_mesh)" in text
+    assert r"0.100 $\pm$ 0.000 ($n=1$)" in text
+    assert r"\textbf{0.100}" not in text  # it lost the hard shape: not ranked
+    assert "A mean over fewer shapes shows its n and is not ranked." in text
+
+
+def test_no_common_shape_is_said_not_averaged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    write(tmp_path, make_row("relu", "abc_0001", cd_l1=1.0), make_row("siren", "abc_0002", cd_l1=1.0))
+    write_tables(tmp_path)
+    assert read(tmp_path, "main_reconstruction")["n"].tolist() == [0, 0]
+    assert "no shape was run with every head (relu, siren); run the missing ones" in caplog.text
+    assert r"abc\_0001 (no siren); abc\_0002 (no relu)" in tex(tmp_path, "main_reconstruction")
+
+
+def test_a_changed_ground_truth_is_named(tmp_path: Path) -> None:
+    write(tmp_path, make_row("relu", nc=0.5, sha="old"), make_row("siren", nc=0.5, sha="new"))
+    write_tables(tmp_path)
+    assert r"Ground truth changed between the runs of: abc\_0001." in tex(tmp_path, "main_reconstruction")
+
+
+# -- groups
+
+
+@pytest.mark.parametrize(
+    ("changed", "suffix"),
+    [
+        ({"study": "wide"}, "wide-fast-base-abc-brep-unit"),
+        ({"recipe": "points"}, "fast-points-base-abc-brep-unit"),
+        ({"variant": "loss.weights.weingarten=0"}, "fast-loss.weights.weingarten=0-abc-brep-unit"),
+        ({"provider": "file:labels.npy"}, "fast-base-abc-file-unit"),
+        ({"shape": "part_01"}, "fast-base-builtin-brep-unit"),
+        ({"protocol": "flatcad"}, "fast-base-abc-brep-flatcad"),
+    ],
+)
+def test_what_differs_is_never_in_one_table(tmp_path: Path, changed: dict[str, str], suffix: str) -> None:
+    other = {"shape": "abc_0009", **changed}
+    write(
+        tmp_path,
+        make_row("relu", "abc_0001", cd_l1=1.0),
+        make_row("relu", "abc_0002", cd_l1=3.0, provider="brep:merged<=18"),
+        make_row("relu", cd_l1=100.0, **other),  # type: ignore[arg-type]
+    )
+    write_tables(tmp_path)
+    assert line(read(tmp_path, "main_reconstruction"), "relu")["cd_l1_mean"] == 2.0
+    assert line(read(tmp_path, f"main_reconstruction--{suffix}"), "relu")["cd_l1_mean"] == 100.0
+    assert len(list((tmp_path / "tables").glob("main_reconstruction*.tex"))) == 2
+
+
+def test_one_group_has_plain_names_and_old_tables_go(tmp_path: Path) -> None:
+    scores = {"cd_l1": 1.0, "miou": 1.0, "iou_0": 1.0}
+    write(tmp_path, make_row("relu", **scores), make_row("relu", recipe="points", **scores))
+    write_tables(tmp_path)
+    tables = tmp_path / "tables"
+    (tables / "mine.tex").write_text("kept")
+    assert len(list(tables.glob("*--*"))) == 6
+    (tmp_path / "run0001" / "result.json").unlink()
+    written = write_tables(tmp_path)
+    names = {
+        f"{name}.{e}" for name in ("main_reconstruction", "main_segmentation", "per_part_iou") for e in ("csv", "tex")
+    }
+    assert {path.name for path in written} == names | {"runs.csv"}
+    assert {path.name for path in tables.iterdir()} == names | {"runs.csv", "mine.tex"}
+
+
+def test_the_default_group_is_protocol_unit_however_few_its_rows(tmp_path: Path) -> None:
+    flatcad = [make_row("relu", f"abc_000{k}", cd_l1=5.0, protocol="flatcad") for k in (2, 3)]
+    write(tmp_path, make_row("relu", "abc_0001", cd_l1=1.0), *flatcad)
+    write_tables(tmp_path)
+    assert line(read(tmp_path, "main_reconstruction"), "relu")["protocol"] == "unit"
+
+
+def test_the_baseline_alone_has_a_reconstruction_table_only(tmp_path: Path) -> None:
+    write(tmp_path, make_row("none", cd_l1=1.0, miou=NAN))
+    assert {path.name for path in write_tables(tmp_path)} == {
+        "runs.csv",
+        "main_reconstruction.csv",
+        "main_reconstruction.tex",
+    }
+
+
+# -- form
+
+
+def test_every_tex_is_balanced_booktabs(outputs: Path) -> None:
+    files = list((outputs / "tables").glob("*.tex"))
+    assert len(files) == 3
+    for path in files:
+        text = path.read_text(encoding="utf-8")
+        bare = re.sub(r"\\[{}]", "", text)
+        assert bare.count("{") == bare.count("}")
+        assert text.count("$") % 2 == 0
+        assert [text.count(rule) for rule in (r"\toprule", r"\midrule", r"\bottomrule", r"\caption{")] == [1, 1, 1, 1]
+        assert text.count(r"\begin{") == text.count(r"\end{") == 2
+        columns = len(re.search(r"\\begin\{tabular\}\{(\w+)\}", text)[1])  # type: ignore[index]
+        rows = [row for row in text.splitlines() if row.endswith(r"\\")]
+        assert {row.count(" & ") + 1 for row in rows} == {columns}
+        outside_math = re.sub(r"\$[^$]*\$", "", re.sub(r"\\_", "", text))
+        assert "_" not in outside_math
+        assert text.isascii()
+
+
+def test_the_command_writes_and_names_the_tables(
+    outputs: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (outputs / "broken").mkdir()
+    (outputs / "broken" / "result.json").write_text("{")
+    with caplog.at_level(logging.INFO):
+        assert main(["tables", str(outputs)]) == 0
+    assert str(outputs / "tables" / "main_reconstruction.tex") in caplog.text
+    assert "broken" in caplog.text
+    assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("folder", ["", "missing"])
+def test_no_rows_is_one_line_and_exit_code_2(tmp_path: Path, folder: str, caplog: pytest.LogCaptureFixture) -> None:
+    assert main(["tables", str(tmp_path / folder)]) == 2
+    (record,) = caplog.records
+    assert "no result rows below it; make one with `python train.py`" in record.getMessage()
+    assert "\n" not in record.getMessage()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_200_runs_take_seconds(tmp_path: Path) -> None:
+    scores = {f"iou_{part}": 0.5 for part in range(18)} | {"cd_l1": 0.3, "nc": 0.9, "miou": 0.8}
+    heads = ("relu", "siren", "hybrid", "deep_skip")
+    write(tmp_path, *(make_row(head, f"abc_{k:04d}", **scores) for head in heads for k in range(50)))
+    start = time.perf_counter()
+    write_tables(tmp_path)
+    assert time.perf_counter() - start < 10
+    assert line(read(tmp_path, "main_segmentation"), "hybrid")["n"] == 50
