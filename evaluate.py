@@ -17,8 +17,8 @@ failed: list[str] = []
 @hydra.main(config_path="conf", config_name="evaluate", version_base="1.3")
 def evaluate(cfg: DictConfig) -> None:
     """Print every score as stored and as measured now."""
-    quiet_libraries()
     from jointsdf.experiment import measure_again
+    quiet_libraries()
 
     with user_errors(failed):
         if OmegaConf.is_missing(cfg, "run"):

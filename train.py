@@ -15,8 +15,8 @@ failed: list[str] = []
 @hydra.main(config_path="conf", config_name="config", version_base="1.3")
 def train(cfg: DictConfig) -> float | None:
     """One run; the primary protocol's cd_l1 is what a sweeper sees."""
-    quiet_libraries()
     from jointsdf.experiment import run  # torch and lightning only after Hydra has accepted the command line
+    quiet_libraries()
 
     with user_errors(failed):
         row = run(cfg)

@@ -193,7 +193,7 @@ def preview(cfg: DictConfig, shape: Shape, tensorboard: TensorBoardLogger) -> Pr
         Protocol("preview", 5000, "truth", metrics),
         Extraction(resolution=resolution),
         cfg.trainer.preview_every,
-        partial(compare, caption=f"preview at {resolution}^3, not a result"),
+        partial(compare, captions=("ground truth", f"preview at {resolution}^3, not a result")),
     )
 
 
@@ -216,7 +216,11 @@ def show(
     tensorboard: TensorBoardLogger,
 ) -> None:
     """`preview.png` and the run's last TensorBoard entries."""
-    picture = compare(shape.mesh, mesh, caption=f"{cfg.head.name}  {cfg.extraction.resolution}^3")
+    picture = compare(
+        shape.mesh,
+        mesh,
+        captions=(f"{shape.name}: ground truth", f"{cfg.recipe}, head {cfg.head.name}, {cfg.extraction.resolution}^3"),
+    )
     write_png(folder / "preview.png", picture)
     coarse = extract(module.field, Extraction(resolution=BOARD_RESOLUTION))
     settings = {"recipe": cfg.recipe, "head": cfg.head.name, "shape": shape.name, "seed": cfg.seed}

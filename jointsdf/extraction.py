@@ -4,7 +4,6 @@
 """
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,12 +12,11 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from skimage.measure import marching_cubes
 
+from jointsdf.borders import Label, majority, split
 from jointsdf.grid import Grid, Sdf, cells_near_surface, mixed
 from jointsdf.values import BOX, InputError, LabelledMesh, Normalisation
 
 log = logging.getLogger(__name__)
-
-Label = Callable[[Float[ndarray, "n 3"]], Int[ndarray, " n"]]
 
 
 class Surface(NamedTuple):
@@ -42,6 +40,8 @@ class Extraction:
     Attributes:
         resolution: Grid points along each axis of the box.
         method: `sparse` evaluates the field near the surface only, `dense` everywhere.
+        borders: `majority`: a face has the label of most of its vertices, where all three differ that of its centroid
+            (paper). `split`: a face is cut where the label changes, the surface staying where it is.
         chunk: Most points in one call of the field.
 
     Raises:
@@ -50,11 +50,14 @@ class Extraction:
 
     resolution: int = 256
     method: str = "sparse"
+    borders: str = "majority"
     chunk: int = 65536
 
     def __post_init__(self) -> None:
         if self.method not in ("sparse", "dense"):
             raise InputError(f"extraction.method={self.method}: use sparse or dense")
+        if self.borders not in ("majority", "split"):
+            raise InputError(f"extraction.borders={self.borders}: use majority or split")
         if not 8 <= self.resolution <= 1024:
             raise InputError(f"extraction.resolution={self.resolution}: use 8 to 1024 grid points per axis")
         if self.chunk < 1:
@@ -80,24 +83,23 @@ class Extraction:
     def labelled_mesh(self, sdf: Sdf, label: Label, normalisation: Normalisation) -> LabelledMesh:
         """The zero level set with one part label per face, in file units.
 
-        A face has the label of most of its vertices; where all three differ, the label at its centroid.
-
         Args:
             sdf: float32 points of the network frame -> signed distance, negative inside.
             label: float32 points of the network frame -> original part id.
             normalisation: File frame -> network frame.
         """
         vertices, faces, _ = self.surface(sdf)
-        first, second, third = self._query(label, vertices)[faces].T
-        labels = np.where(second == third, second, first)
-        tied = np.flatnonzero((first != second) & (second != third) & (third != first))
-        labels[tied] = self._query(label, vertices[faces[tied]].mean(axis=1))
-        return LabelledMesh(normalisation.inverse(vertices), faces, labels)
 
-    def _query(self, label: Label, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
-        starts = range(0, len(points), self.chunk)
-        found = [label(points[start : start + self.chunk].astype(np.float32)) for start in starts]
-        return np.concatenate([np.zeros(0, np.int64), *found]).astype(np.int64)
+        def ask(points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
+            starts = range(0, len(points), self.chunk)
+            found = [label(points[start : start + self.chunk].astype(np.float32)) for start in starts]
+            return np.concatenate([np.zeros(0, np.int64), *found]).astype(np.int64)
+
+        if self.borders == "split":
+            vertices, faces, labels = split(vertices, faces, ask(vertices), ask)
+        else:
+            labels = majority(vertices, faces, ask(vertices), ask)
+        return LabelledMesh(normalisation.inverse(vertices), faces, labels)
 
 
 def _march(grid: Grid, cells: Bool[ndarray, "c c c"]) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]]:

@@ -1,0 +1,101 @@
+"""Part borders on a mesh: one label per face from labels at its vertices, by vote or by cutting faces at the border."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+Label = Callable[[Float[ndarray, "n 3"]], Int[ndarray, " n"]]
+BISECTIONS = 6
+NEAREST_CUT = 1 / 64  # of the edge: no cut closer to a vertex, so that no sliver has zero area
+
+
+def majority(
+    vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], at_vertices: Int[ndarray, " v"], label: Label
+) -> Int[ndarray, " f"]:
+    """The label of most of a face's vertices; where all three differ, the label at its centroid.
+
+    Args:
+        vertices: Positions, in the frame that `label` speaks.
+        faces: Vertex indices.
+        at_vertices: Label at each vertex.
+        label: Points -> labels.
+    """
+    first, second, third = at_vertices[faces].T
+    labels = np.where(second == third, second, first)
+    tied = np.flatnonzero((first != second) & (second != third) & (third != first))
+    labels[tied] = label(vertices[faces[tied]].mean(axis=1))
+    return labels
+
+
+def split(
+    vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], at_vertices: Int[ndarray, " v"], label: Label
+) -> tuple[Float[ndarray, "w 3"], Int[ndarray, "g 3"], Int[ndarray, " g"]]:
+    """Cut every face that a border crosses along that border, so that labels are finer than faces.
+
+    The cut of an edge is found by bisection of the label and shared by both of its faces: the surface stays where it
+    is and as closed as it was. A face with two labels becomes three, one with three labels six about its centroid.
+
+    Args:
+        vertices: Positions, in the frame that `label` speaks.
+        faces: Vertex indices.
+        at_vertices: Label at each vertex.
+        label: Points -> labels.
+
+    Returns:
+        Vertices (the old ones first), faces, and the label of each face.
+    """
+    corner_labels = at_vertices[faces]
+    odd = corner_labels != np.roll(corner_labels, -1, axis=1)  # whether edge (i, i+1) crosses a border
+    crossed = odd.sum(axis=1)
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1)[odd]
+    edges, which = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
+    cuts = np.full(faces.shape, -1)
+    cuts[odd] = len(vertices) + which.reshape(-1)
+    cut_points = _cut(vertices[edges[:, 0]], vertices[edges[:, 1]], at_vertices[edges[:, 0]], label)
+    whole, two, three = (crossed == count for count in (0, 2, 3))
+    centres = vertices[faces[three]].mean(axis=1)
+    pieces = [
+        (faces[whole], corner_labels[whole, 0]),
+        _in_three(faces[two], cuts[two], corner_labels[two]),
+        _in_six(faces[three], cuts[three], corner_labels[three], len(vertices) + len(cut_points)),
+    ]
+    new_faces, labels = (np.concatenate(column) for column in zip(*pieces, strict=True))
+    return np.concatenate([vertices, cut_points, centres]), new_faces, labels
+
+
+def _cut(
+    starts: Float[ndarray, "e 3"], ends: Float[ndarray, "e 3"], start_labels: Int[ndarray, " e"], label: Label
+) -> Float[ndarray, "e 3"]:
+    """Where the label of each edge's start ends, by bisection."""
+    low, high = np.zeros((len(starts), 1)), np.ones((len(starts), 1))
+    for _ in range(BISECTIONS if len(starts) else 0):
+        middle = (low + high) / 2
+        same = (label(starts + middle * (ends - starts)) == start_labels)[:, None]
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return starts + np.clip((low + high) / 2, NEAREST_CUT, 1 - NEAREST_CUT) * (ends - starts)
+
+
+def _in_three(
+    faces: Int[ndarray, "f 3"], cuts: Int[ndarray, "f 3"], labels: Int[ndarray, "f 3"]
+) -> tuple[Int[ndarray, "g 3"], Int[ndarray, " g"]]:
+    """Cut off the corner whose label is the odd one out; the uncut edge is opposite it."""
+    uncut = np.argmax(cuts < 0, axis=1)
+    turn = (uncut[:, None] + np.array([2, 0, 1])) % 3  # the odd corner first, winding kept
+    (a, b, c), (ab, _, ca) = np.take_along_axis(faces, turn, 1).T, np.take_along_axis(cuts, turn, 1).T
+    odd, even, _ = np.take_along_axis(labels, turn, 1).T
+    triangles = [np.stack(corners, axis=1) for corners in ((a, ab, ca), (ab, b, c), (ab, c, ca))]
+    return np.concatenate(triangles), np.concatenate([odd, even, even])
+
+
+def _in_six(
+    faces: Int[ndarray, "f 3"], cuts: Int[ndarray, "f 3"], labels: Int[ndarray, "f 3"], first_centre: int
+) -> tuple[Int[ndarray, "g 3"], Int[ndarray, " g"]]:
+    """Give each corner of a face with three labels its third, about the centroid."""
+    centre = first_centre + np.arange(len(faces))
+    triangles, owners = [], []
+    for i in range(3):
+        triangles += [np.stack([faces[:, i], cuts[:, i], centre], 1), np.stack([cuts[:, i - 1], faces[:, i], centre], 1)]
+        owners += [labels[:, i], labels[:, i]]
+    return np.concatenate(triangles), np.concatenate(owners)

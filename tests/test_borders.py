@@ -1,0 +1,90 @@
+"""Labels finer than faces: what cutting at the border keeps, and how exact it is."""
+
+import numpy as np
+import pytest
+import trimesh
+from numpy import ndarray
+
+from jointsdf.borders import NEAREST_CUT, majority, split
+
+
+def areas_by_label(vertices: ndarray, faces: ndarray, labels: ndarray) -> dict[int, float]:
+    area = trimesh.triangles.area(vertices[faces])
+    return {int(k): float(area[labels == k].sum()) for k in np.unique(labels)}
+
+
+@pytest.fixture(scope="module")
+def sphere() -> trimesh.Trimesh:
+    return trimesh.creation.icosphere(subdivisions=3)
+
+
+def above(height: float):
+    return lambda points: (points[:, 2] > height).astype(np.int64) * 7
+
+
+def octant(points: ndarray) -> ndarray:
+    return ((points[:, 0] > 0.05) + 2 * (points[:, 1] > 0.03) + 4 * (points[:, 2] > 0.01)).astype(np.int64)
+
+
+def test_split_keeps_the_surface_and_closes_it(sphere: trimesh.Trimesh) -> None:
+    vertices, faces, labels = split(sphere.vertices.view(ndarray), sphere.faces.view(ndarray), octant(sphere.vertices), octant)
+    cut = trimesh.Trimesh(vertices, faces, process=False)
+    assert cut.is_watertight and cut.is_winding_consistent and cut.euler_number == 2
+    assert cut.area == pytest.approx(sphere.area, rel=1e-12)
+    assert cut.volume == pytest.approx(sphere.volume, rel=1e-12)
+    assert len(labels) == len(faces) > len(sphere.faces)
+    assert cut.area_faces.min() > 0
+
+
+def test_split_labels_are_exact_to_the_bisection(sphere: trimesh.Trimesh) -> None:
+    """On the faces of a plane's side the label changes within an edge's last bisection of the plane."""
+    vertices, faces, labels = split(
+        sphere.vertices.view(ndarray), sphere.faces.view(ndarray), above(0.3)(sphere.vertices), above(0.3)
+    )
+    longest = sphere.edges_unique_length.max()
+    heights = vertices[faces][:, :, 2]
+    assert (heights[labels == 7].min(axis=1) > 0.3 - longest * NEAREST_CUT).all()
+    assert (heights[labels == 0].max(axis=1) < 0.3 + longest * NEAREST_CUT).all()
+
+
+def test_split_is_finer_than_the_vote(sphere: trimesh.Trimesh) -> None:
+    """The cap above z = h of a unit sphere has area 2 pi (1 - h)."""
+    vertices, faces = sphere.vertices.view(ndarray), sphere.faces.view(ndarray)
+    at_vertices = above(0.3)(vertices)
+    expected = 2 * np.pi * 0.7 / (4 * np.pi)
+    voted = areas_by_label(vertices, faces, majority(vertices, faces, at_vertices, above(0.3)))
+    cut = areas_by_label(*split(vertices, faces, at_vertices, above(0.3)))
+    errors = [abs(areas[7] / sum(areas.values()) - expected) for areas in (voted, cut)]
+    assert errors[1] < 1e-3
+    assert errors[1] < errors[0] / 5
+
+
+def test_three_labels_on_one_face_meet_at_its_centroid() -> None:
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    faces = np.array([[0, 1, 2]])
+
+    def nearest(points: ndarray) -> ndarray:
+        return np.linalg.norm(points[:, None] - vertices[None], axis=2).argmin(axis=1) + 10
+
+    new_vertices, new_faces, labels = split(vertices, faces, nearest(vertices), nearest)
+    assert len(new_faces) == 6 and len(new_vertices) == 7
+    assert sorted(labels) == [10, 10, 11, 11, 12, 12]
+    normals = np.cross(*(new_vertices[new_faces[:, i]] - new_vertices[new_faces[:, 0]] for i in (1, 2)))
+    assert (normals[:, 2] > 0).all()
+    assert normals[:, 2].sum() == pytest.approx(1.0)
+    assert majority(vertices, faces, nearest(vertices), nearest).tolist() == nearest(vertices[None].mean(1)).tolist()
+
+
+def test_one_label_changes_nothing(sphere: trimesh.Trimesh) -> None:
+    vertices, faces = sphere.vertices.view(ndarray), sphere.faces.view(ndarray)
+    labels = np.full(len(vertices), 4)
+    new_vertices, new_faces, new_labels = split(vertices, faces, labels, lambda points: np.full(len(points), 4))
+    np.testing.assert_array_equal(new_vertices, vertices)
+    np.testing.assert_array_equal(new_faces, faces)
+    assert set(new_labels) == {4}
+
+
+def test_an_empty_mesh_stays_empty() -> None:
+    vertices, faces = np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
+    none = np.zeros(0, dtype=np.int64)
+    assert [len(array) for array in split(vertices, faces, none, lambda points: none)] == [0, 0, 0]
