@@ -9,7 +9,7 @@ from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from jointsdf.distance import ExactDistance
 from jointsdf.sampling import Cloud, Counts, Sampler, pool_points
-from jointsdf.values import Normalisation, Samples, Shape
+from jointsdf.values import InputError, Normalisation, Samples, Shape
 
 
 def network_distance(shape: Shape, normalisation: Normalisation) -> ExactDistance:
@@ -50,6 +50,9 @@ class ShapeDataModule(LightningDataModule):
         pool_size: Points with exact signed distance; 0 where no term uses them.
         label_fraction: Share of the cloud that keeps its labels.
         workers: Processes that draw samples; 0 draws in the training process.
+
+    Raises:
+        InputError: A negative size or number of workers.
     """
 
     def __init__(
@@ -64,6 +67,9 @@ class ShapeDataModule(LightningDataModule):
         workers: int = 0,
     ) -> None:
         super().__init__()
+        for name, value in ("pool_size", pool_size), ("workers", workers):
+            if value < 0:
+                raise InputError(f"data.{name}={value}: must be at least 0")
         self.workers = workers
         self.cloud = Cloud.of(shape.mesh, count=cloud_size, seed=seed, label_fraction=label_fraction)
         pool, distances = np.zeros((0, 3)), np.zeros(0)

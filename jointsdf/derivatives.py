@@ -6,7 +6,8 @@ With a_i = omega_i (W_i h_{i-1} + b_i), h_i = sin a_i, c_i = cos a_i and f = w .
     H t        a'_i = omega_i W_i h'_{i-1},  h'_i = c_i a'_i,  h'_0 = t                     (forward over reverse)
                d'_i = omega_i (c_i g'_i - h_i a'_i g_i),  g'_{i-1} = d'_i W_i,  g'_L = 0,  H t = g'_0
 
-The same quantities by plain autograd are `autograd_gradient` and `autograd_mixed`: slower, for any function, the oracle.
+The same quantities by plain autograd are `autograd_gradient` and `autograd_mixed`: slower, for any function,
+the oracle.
 """
 
 from collections.abc import Callable, Sequence
@@ -50,9 +51,7 @@ class Mixed:
     spacing: float = 0.05
 
 
-def trace(
-    layers: Sequence[SineLayer], output: nn.Linear, points: Float[Tensor, "n 3"], *, with_cosines: bool
-) -> Trace:
+def trace(layers: Sequence[SineLayer], output: nn.Linear, points: Float[Tensor, "n 3"], *, with_cosines: bool) -> Trace:
     """Evaluate f and keep what the derivative passes need."""
     hidden = points
     sines: list[Tensor] = []
@@ -71,7 +70,7 @@ def trace(
 def gradient(
     layers: Sequence[SineLayer], output: nn.Linear, traced: Trace
 ) -> tuple[Float[Tensor, "n 3"], list[Float[Tensor, "n w"]]]:
-    """grad f by explicit reverse.
+    """Gradient of f by explicit reverse.
 
     Returns:
         The gradient, dimensionless in the frame of the points, and the adjoints g_i of every layer's output.
@@ -168,7 +167,7 @@ def mixed_stencil(
 
 
 def autograd_gradient(field: ScalarField, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-    """grad f by reverse-mode autograd, graph kept. The points must require grad."""
+    """Gradient of f by reverse-mode autograd, graph kept. The points must require grad."""
     (grad,) = torch.autograd.grad(field(points).sum(), points, create_graph=True)
     return grad
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointsdf.metrics import Metric
+from jointsdf.sampling import area_uniform, face_normals
 from jointsdf.values import InputError, LabelledMesh, Normalisation, SurfaceSamples
 
 # Evaluation has seeds of its own, so that all heads and seeds of a shape meet the same ground truth samples. The floor
@@ -119,15 +120,8 @@ def sample_surface(mesh: LabelledMesh, count: int, seed: int) -> SurfaceSamples:
         count: Number of points. A mesh without any area gets none.
         seed: Of the draw.
     """
-    corners = mesh.vertices[mesh.faces].astype(np.float64)
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    doubled_areas = np.linalg.norm(crosses, axis=1)
-    total = doubled_areas.sum()
-    if total == 0:
+    normals = face_normals(mesh.vertices, mesh.faces)
+    if not normals.any():
         return SurfaceSamples(mesh, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
-    rng = np.random.default_rng(seed)
-    faces = rng.choice(len(corners), count, p=doubled_areas / total)
-    root, along = np.sqrt(rng.random(count)), rng.random(count)
-    weights = np.stack([1 - root, root * (1 - along), root * along], axis=1)  # uniform in the triangle
-    points = np.einsum("nc,ncd->nd", weights, corners[faces])
-    return SurfaceSamples(mesh, points, crosses[faces] / doubled_areas[faces, None], faces)
+    points, faces = area_uniform(mesh.vertices, mesh.faces, count, np.random.default_rng(seed))
+    return SurfaceSamples(mesh, points, normals[faces], faces)

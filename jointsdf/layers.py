@@ -18,14 +18,15 @@ class _SineCosine(torch.autograd.Function):
         return sine, cosine
 
     @staticmethod
-    def backward(ctx: Any, grad_sine: Tensor, grad_cosine: Tensor) -> Tensor:  # type: ignore[override]
+    def backward(ctx: Any, grad_sine: Tensor, grad_cosine: Tensor) -> Tensor:
         sine, cosine = ctx.saved_tensors
-        return grad_sine * cosine - grad_cosine * sine
+        grad: Tensor = grad_sine * cosine - grad_cosine * sine
+        return grad
 
 
 def sine_cosine(argument: Float[Tensor, "*shape"]) -> tuple[Float[Tensor, "*shape"], Float[Tensor, "*shape"]]:
     """(sin, cos) of the argument, differentiable any number of times."""
-    sine, cosine = _SineCosine.apply(argument)
+    sine, cosine = _SineCosine.apply(argument)  # type: ignore[no-untyped-call]
     return sine, cosine
 
 

@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import torch
 from jaxtyping import Float
 from lightning import LightningModule
+from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
 from torch.nn.utils import clip_grad_norm_
 from torch.optim import Optimizer
@@ -60,6 +60,8 @@ class JointSDFModule(LightningModule):
         if terms.keys() != weights.keys() or not schedules.keys() <= terms.keys():
             odd = (terms.keys() ^ weights.keys()) | (schedules.keys() - terms.keys())
             raise InputError(f"loss: {', '.join(sorted(odd))} must stand under both terms and weights")
+        if min(weights.values()) < 0 or not any(weights.values()):
+            raise InputError(f"loss.weights={dict(weights)}: must be >= 0, and one of them > 0")
         self.field = field
         self.terms, self.weights, self.schedules = dict(terms), dict(weights), dict(schedules)
         self.optimizer = optimizer
@@ -84,7 +86,8 @@ class JointSDFModule(LightningModule):
         for name, loss in losses.items():
             if not torch.isfinite(loss):
                 raise NonFiniteLossError(
-                    f"loss term {name} is {loss.item()} at step {self.global_step}: lower the learning rate or its weight"
+                    f"loss term {name} is {loss.item()} at step {self.global_step}: "
+                    "lower the learning rate or its weight"
                 )
         total = torch.stack([weights[name] * loss for name, loss in losses.items()]).sum()
         self.log_dict({f"loss/{name}": loss for name, loss in losses.items()})
@@ -107,11 +110,11 @@ class JointSDFModule(LightningModule):
             sdf, grad, mixed = mixed_derivative(trunk.sine_layers, trunk.output, points, angles, how)
             return FieldValues(sdf, grad, mixed)
         traced = trace(trunk.sine_layers, trunk.output, points, with_cosines="grad" in wanted)
-        grad = gradient(trunk.sine_layers, trunk.output, traced)[0] if "grad" in wanted else None
+        slope = gradient(trunk.sine_layers, trunk.output, traced)[0] if "grad" in wanted else None
         features = torch.cat([traced.sines[trunk.tap - 1], points], -1) if "logits" in wanted else None
-        return FieldValues(traced.sdf, grad, None, None if features is None else self.field.head(features))
+        return FieldValues(traced.sdf, slope, None, None if features is None else self.field.head(features))
 
-    def configure_optimizers(self) -> dict[str, Any]:
+    def configure_optimizers(self) -> OptimizerLRSchedulerConfig:
         """The optimizer over the named groups, and the learning-rate schedule by step."""
         groups = parameter_groups(self.field.trunk, self.field.head, head_lr=self.head_lr)
         optimizer = self.optimizer(groups)

@@ -7,6 +7,8 @@ import torch
 from torch import nn
 from torch.optim import Adam, Muon, Optimizer
 
+from jointsdf.values import InputError
+
 Group = dict[str, Any]
 
 
@@ -36,11 +38,16 @@ class MuonAdam(Optimizer):
         lr: Adam's rate.
         muon_lr: Muon's rate; its steps are orthogonal matrices times this.
         momentum: Muon's momentum.
+
+    Raises:
+        InputError: A trunk of one layer, which has no hidden matrix.
     """
 
     def __init__(self, groups: list[Group], *, lr: float, muon_lr: float, momentum: float = 0.95) -> None:
         hidden = [group for group in groups if group["name"] == "hidden"]
         rest = [group for group in groups if group["name"] != "hidden"]
+        if not hidden:
+            raise InputError("optimizer=muon needs a hidden matrix: trunk.depth >= 2, or optimizer=adam")
         self.muon = Muon(hidden, lr=muon_lr, weight_decay=0.0, momentum=momentum)
         self.adam = Adam(rest, lr=lr)
         super().__init__(groups, {})
@@ -56,7 +63,7 @@ class MuonAdam(Optimizer):
         self.adam.step()
         return loss
 
-    def state_dict(self) -> dict[str, Any]:  # type: ignore[override]
+    def state_dict(self) -> dict[str, Any]:
         """Both states, as plain values."""
         return {"muon": self.muon.state_dict(), "adam": self.adam.state_dict()}
 

@@ -1,7 +1,7 @@
 """The draws of a run: the training cloud once, and the points of each step as a function of (seed, step) alone."""
 
 from dataclasses import dataclass
-from typing import Self
+
 
 import numpy as np
 import torch
@@ -19,7 +19,13 @@ CLOUD, POOL, LABELS, STEPS = range(4)  # one random stream each
 
 
 def stream(seed: int, purpose: int, step: int = 0) -> Generator:
-    """The counter-based generator of one purpose and step: no state to save, the same on every machine."""
+    """The counter-based generator of one purpose and step: no state to save, the same on every machine.
+
+    Raises:
+        InputError: A negative seed.
+    """
+    if seed < 0:
+        raise InputError(f"seed={seed}: must be at least 0")
     return Generator(Philox(key=[seed, (purpose << 48) + step]))
 
 
@@ -63,7 +69,7 @@ class Cloud:
     normalisation: Normalisation
 
     @classmethod
-    def of(cls, mesh: LabelledMesh, *, count: int, seed: int, label_fraction: float = 1.0) -> Self:
+    def of(cls, mesh: LabelledMesh, *, count: int, seed: int, label_fraction: float = 1.0) -> "Cloud":
         """Draw the cloud of a ground-truth mesh in the file frame.
 
         Args:
@@ -73,8 +79,10 @@ class Cloud:
             label_fraction: Share of the points that keep their label.
 
         Raises:
-            InputError: A share outside 0..1.
+            InputError: Fewer than two points, or a share outside 0..1.
         """
+        if count < 2:
+            raise InputError(f"data.cloud_size={count}: must be at least 2")
         if not 0 <= label_fraction <= 1:
             raise InputError(f"data.label_fraction={label_fraction}: must be between 0 and 1")
         points, faces = area_uniform(mesh.vertices, mesh.faces, count, stream(seed, CLOUD))
@@ -127,13 +135,15 @@ class Counts:
         """Check the numbers.
 
         Raises:
-            InputError: A negative count, or a share outside 0..1.
+            InputError: A count below 1, a share outside 0..1, or a negative offset.
         """
         for name in ("manifold", "non_manifold", "shell", "pool"):
             if getattr(self, name) < 1:
                 raise InputError(f"data.counts.{name}={getattr(self, name)}: must be at least 1")
         if not 0 <= self.balanced <= 1:
             raise InputError(f"data.counts.balanced={self.balanced}: must be between 0 and 1")
+        if self.shell_offset < 0:
+            raise InputError(f"data.counts.shell_offset={self.shell_offset}: must be at least 0")
 
 
 class Sampler:
@@ -187,7 +197,9 @@ class Sampler:
         counts, classes = self.counts, self.points_of_class
         indices = generator.integers(len(self.cloud.points), size=counts.manifold)
         balanced = round(counts.manifold * counts.balanced) if classes else 0
-        chosen = generator.integers(len(classes), size=balanced) if balanced else []
+        if not balanced:
+            return indices
+        chosen = generator.integers(len(classes), size=balanced)
         shares = generator.random(balanced)
         for slot, (k, share) in enumerate(zip(chosen, shares, strict=True)):
             indices[slot] = classes[k][int(share * len(classes[k]))]

@@ -3,7 +3,7 @@
 import pickle
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -17,6 +17,17 @@ from jointsdf.layers import SineLayer, hidden_sine, start_uniform
 from jointsdf.values import BOX, UNLABELLED, InputError, Normalisation
 
 SPHERE_RADIUS = 0.5  # network length units; about the size of a part in its box
+# What reading a damaged checkpoint can raise, found by feeding it flipped bytes.
+UNREADABLE = (
+    RuntimeError,
+    LookupError,
+    EOFError,
+    TypeError,
+    AttributeError,
+    OSError,
+    ValueError,
+    pickle.UnpicklingError,
+)
 
 
 class SirenTrunk(nn.Module):
@@ -26,11 +37,14 @@ class SirenTrunk(nn.Module):
         width: Units per layer.
         depth: Sine layers.
         omega: Frequency of the first layer, omega_0.
-        hidden_omega: Frequency of the others. Any value starts as the same function; hidden weights learn faster the larger
-            it is (the paper's text: 1; the released FlatCAD code: 30).
+        hidden_omega: Frequency of the others. Any value starts as the same function; hidden weights learn faster the
+            larger it is (the paper's text: 1; the released FlatCAD code: 30).
         tap: Which layer's activations the head sees, 1 = the first.
-        init: `siren`: output near zero, the paper's. `sphere`: all layers fitted to a sphere's signed distance, which fixes
-            the sign of the field.
+        init: `siren`: output near zero, the paper's. `sphere`: all layers fitted to a sphere's signed distance, which
+            fixes the sign of the field.
+
+    Raises:
+        InputError: A number or name that no trunk can be built from.
     """
 
     def __init__(
@@ -44,10 +58,14 @@ class SirenTrunk(nn.Module):
         init: Literal["siren", "sphere"] = "siren",
     ) -> None:
         super().__init__()
+        if min(width, depth, omega, hidden_omega) <= 0:
+            raise InputError(
+                f"trunk: width={width} depth={depth} omega={omega} hidden_omega={hidden_omega}: all must be > 0"
+            )
         if not 1 <= tap <= depth:
-            raise ValueError(f"trunk.tap={tap}: accepted are 1..{depth}, the trunk's layers")
+            raise InputError(f"trunk.tap={tap}: accepted are 1..{depth}, the trunk's layers")
         if init not in ("siren", "sphere"):
-            raise ValueError(f"trunk.init={init}: accepted are siren, sphere")
+            raise InputError(f"trunk.init={init}: accepted are siren, sphere")
         self.tap = tap
         hidden = [hidden_sine(width, width, omega=hidden_omega) for _ in range(depth - 1)]
         self.layers = nn.ModuleList([SineLayer(3, width, omega=omega, weight_bound=1 / 3), *hidden])
@@ -180,7 +198,7 @@ class JointField(nn.Module):
         torch.save({"format": 1, **self.arguments, "state": self.state_dict()}, path)
 
     @classmethod
-    def load(cls, path: Path) -> Self:
+    def load(cls, path: Path) -> "JointField":
         """Read a field written by `save`.
 
         Raises:
@@ -192,10 +210,14 @@ class JointField(nn.Module):
             stored = torch.load(path, map_location="cpu", weights_only=True)
             state = stored["state"]
             normalisation = Normalisation(state["centre"].numpy(), float(state["scale"]))
-            field = cls(stored["trunk"], stored["head"], state["part_ids"].numpy(), normalisation)
+            unfitted = {**stored["trunk"], "init": "siren"}  # the sphere takes seconds, and the state replaces it
+            field = cls(unfitted, stored["head"], state["part_ids"].numpy(), normalisation)
+            field.arguments["trunk"] = stored["trunk"]
             field.load_state_dict(state)
-        except (RuntimeError, KeyError, EOFError, TypeError, OSError, ValueError, pickle.UnpicklingError) as error:
-            raise InputError(f"{path}: not a readable field checkpoint ({first_line(error)}); run the fit again") from error
+        except UNREADABLE as error:
+            raise InputError(
+                f"{path}: not a readable field checkpoint ({first_line(error)}); run the fit again"
+            ) from error
         return field.eval()
 
 

@@ -17,9 +17,7 @@ class DeepSkipHead(nn.Module):
         omega: Frequency of the first layer; the later ones have frequency 1.
     """
 
-    def __init__(
-        self, in_features: int, num_classes: int, *, widths: tuple[int, int, int, int], omega: float
-    ) -> None:
+    def __init__(self, in_features: int, num_classes: int, *, widths: tuple[int, int, int, int], omega: float) -> None:
         super().__init__()
         one, two, three, four = widths
         self.first = SineLayer(in_features, one, omega=omega, weight_bound=1 / in_features)

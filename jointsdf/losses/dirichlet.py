@@ -15,7 +15,7 @@ class Dirichlet:
 
     @property
     def needs(self) -> Needs:
-        """f on the manifold points."""
+        """The value of f on the manifold points."""
         return {"manifold": frozenset({"sdf"})}
 
     def __call__(self, step: Step) -> Float[Tensor, ""]:

@@ -48,7 +48,7 @@ class Eikonal:
     def __call__(self, step: Step) -> Float[Tensor, ""]:
         """The term, dimensionless."""
         grads = [step.fields[name].grad for name in self.on]
-        squares = torch.cat([grad.square().sum(-1) for grad in grads if grad is not None])
+        grad = torch.cat([grad for grad in grads if grad is not None])
         if self.form == "squared":
-            return (squares - 1).square().mean()
-        return (squares.sqrt() - 1).abs().mean()
+            return (grad.square().sum(-1) - 1).square().mean()
+        return (grad.norm(dim=-1) - 1).abs().mean()

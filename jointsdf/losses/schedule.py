@@ -27,13 +27,15 @@ class Schedule:
         """Check form and knots.
 
         Raises:
-            InputError: An unknown form, or knots that do not ascend.
+            InputError: An unknown form, or knots that are not pairs, do not ascend, or hold a negative factor.
         """
         if self.form not in FORMS:
             raise InputError(f"schedule.form={self.form}: accepted are {', '.join(FORMS)}")
-        shares = [knot[0] for knot in self.knots]
-        if not shares or any(a >= b for a, b in pairwise(shares)):
-            raise InputError(f"schedule.knots={[list(k) for k in self.knots]}: shares must ascend")
+        listed = [list(knot) for knot in self.knots]
+        if not listed or any(len(knot) != 2 or knot[1] < 0 for knot in listed):
+            raise InputError(f"schedule.knots={listed}: give one or more [share of the steps, factor >= 0]")
+        if any(a[0] >= b[0] for a, b in pairwise(listed)):
+            raise InputError(f"schedule.knots={listed}: shares must ascend")
 
     def __call__(self, share: float) -> float:
         """The factor when this share of the steps (0..1) is done."""

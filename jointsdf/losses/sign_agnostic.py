@@ -22,7 +22,7 @@ class SignAgnostic:
 
     @property
     def needs(self) -> Needs:
-        """f on the non-manifold points."""
+        """The value of f on the non-manifold points."""
         return {"non_manifold": frozenset({"sdf"})}
 
     def __call__(self, step: Step) -> Float[Tensor, ""]:

@@ -19,7 +19,7 @@ class SignedDistance:
 
     @property
     def needs(self) -> Needs:
-        """f on the pool points."""
+        """The value of f on the pool points."""
         return {"pool": frozenset({"sdf"})}
 
     def __call__(self, step: Step) -> Float[Tensor, ""]:

@@ -51,7 +51,9 @@ class Weingarten:
     def __call__(self, step: Step) -> Float[Tensor, ""]:
         """The term, in 1 / network length."""
         shell = step.fields["shell"]
-        assert shell.mixed is not None and shell.grad is not None
-        if not self.normalised:
-            return shell.mixed.abs().mean()
-        return (shell.mixed.abs() / shell.grad.norm(dim=-1).clamp_min(1e-12)).mean()
+        assert shell.mixed is not None
+        assert shell.grad is not None
+        sizes = shell.mixed.abs()
+        if self.normalised:
+            sizes = sizes / shell.grad.norm(dim=-1).clamp_min(1e-12)
+        return sizes.mean()
