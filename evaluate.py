@@ -16,18 +16,18 @@ failed: list[str] = []
 
 @hydra.main(config_path="conf", config_name="evaluate", version_base="1.3")
 def evaluate(cfg: DictConfig) -> None:
-    """Print every score as stored and as measured now."""
-    from jointsdf.experiment import measure_again
-    quiet_libraries()
-
+    """Print every score as measured now, and as stored where it differs."""
     with user_errors(failed):
+        from jointsdf.experiment import measure_again
+
+        quiet_libraries()
         if OmegaConf.is_missing(cfg, "run"):
-            raise InputError("run= is missing; give a finished run's folder, e.g. run=outputs/fast/base/siren/part_01/seed0")
-        row, scores = measure_again(Path(cfg.run))
+            raise InputError("run= is missing; give a finished run's folder: run=outputs/fast/base/siren/part_01/seed0")
+        row, scores = measure_again(Path(str(cfg.run)))
         differing = 0
         for protocol, values in scores.items():
             for name, value in values.items():
-                stored = row.scores[protocol].get(name, float("nan"))
+                stored = row.scores.get(protocol, {}).get(name, float("nan"))
                 same = stored == value or (stored != stored and value != value)
                 differing += not same
                 log.info("%-8s %-22s %12.6f%s", protocol, name, value, "" if same else f"   stored {stored:.6f}")

@@ -1,9 +1,12 @@
 """What a user sees on the terminal: one log format, one line per error."""
 
+import errno
 import logging
+import signal
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 from jointsdf.values import InputError
 
@@ -11,7 +14,7 @@ log = logging.getLogger("jointsdf")
 
 
 def quiet_libraries() -> None:
-    """Log our own lines plainly, and of Lightning's only the warnings that concern a user."""
+    """Log our own lines plainly, and of the libraries' only the errors."""
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     logging.captureWarnings(True)
     for name in ("lightning.pytorch", "lightning.fabric", "lightning"):
@@ -19,22 +22,51 @@ def quiet_libraries() -> None:
         library.handlers.clear()
         library.propagate = True
         library.setLevel(logging.ERROR)
-    for unasked in ("trimesh", "matplotlib", "PIL", "py.warnings"):
+    for unasked in ("trimesh", "matplotlib", "PIL", "py.warnings", "tensorboard"):
         logging.getLogger(unasked).setLevel(logging.ERROR)
+    logging.getLogger("jointsdf.extraction").setLevel(logging.WARNING)  # it speaks for every preview
     warnings.filterwarnings("ignore", module="lightning")
 
 
 @contextmanager
 def user_errors(failed: list[str]) -> Iterator[None]:
-    """Turn what the user can mend into one line, and note it in `failed`; anything else is a bug and is raised."""
+    """Turn what the user can mend into one line, and note it in `failed`; anything else is a bug and is raised.
+
+    Ctrl-C and SIGTERM end the process with one line and the exit code that the shell gives them.
+    """
+    previous = signal.signal(signal.SIGTERM, _terminate)
     try:
         yield
+    except KeyboardInterrupt:
+        log.warning("stopped; the same command goes on from the last checkpoint")
+        raise SystemExit(128 + signal.SIGINT) from None
     except Exception as error:
-        cause: BaseException | None = error
-        while cause is not None and not isinstance(cause, InputError | OSError):
-            cause = cause.__cause__  # Hydra wraps what a component's constructor raises
-        if cause is None:
+        message = one_line(error)
+        if message is None:
             raise
-        message = " ".join(str(cause).split())
         log.error("error: %s", message)
         failed.append(message)
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+def one_line(error: BaseException) -> str | None:
+    """What to tell the user of this error; None if there is nothing that they can mend."""
+    cause: BaseException | None = error
+    while cause is not None and not isinstance(cause, InputError | OSError | MemoryError):
+        cause = cause.__cause__  # libraries wrap what a component raises
+    if cause is None:
+        return None
+    message = " ".join(str(cause).split())
+    if isinstance(cause, MemoryError):
+        return f"out of memory ({message}): lower extraction.resolution or the points in data"
+    if not isinstance(cause, OSError):
+        return message
+    if cause.errno in (errno.ENOSPC, errno.EDQUOT):
+        return f"{message}: the disk is full; free some space, or give paths.outputs=<another folder>, and run it again"
+    return f"{message}: give a path that can be read and written, e.g. paths.outputs=<another folder>"
+
+
+def _terminate(number: int, _: FrameType | None) -> None:
+    log.warning("stopped; the same command goes on from the last checkpoint")
+    raise SystemExit(128 + number)

@@ -87,8 +87,6 @@ def classifier(in_features: int, num_classes: int) -> nn.Linear:
 
 
 def kaiming(in_features: int, out_features: int) -> nn.Linear:
-    """A linear layer before a ReLU: Kaiming-uniform weights, zero bias."""
+    """A linear layer before a ReLU: Kaiming-uniform weights, bias U(+-1/sqrt(in_features))."""
     linear = nn.Linear(in_features, out_features)
-    nn.init.kaiming_uniform_(linear.weight, nonlinearity="relu")
-    nn.init.zeros_(linear.bias)
-    return linear
+    return start_uniform(linear, math.sqrt(6 / in_features), 1 / math.sqrt(in_features))

@@ -45,7 +45,7 @@ class JointSDFModule(LightningModule):
         self,
         field: JointField,
         terms: Mapping[str, Term],
-        weights: Mapping[str, float],
+        weights: Mapping[str, float | int],
         schedules: Mapping[str, Schedule],
         optimizer: Callable[[list[Group]], Optimizer],
         *,
@@ -120,7 +120,8 @@ class JointSDFModule(LightningModule):
         optimizer = self.optimizer(groups)
         return {
             "optimizer": optimizer,
-            "lr_scheduler": {"scheduler": LambdaLR(optimizer, self.rate), "interval": "step"},
+            # a plain function: of a method, LambdaLR would store the attributes in every checkpoint
+            "lr_scheduler": {"scheduler": LambdaLR(optimizer, lambda step: self.rate(step)), "interval": "step"},
         }
 
     def rate(self, step: int) -> float:

@@ -53,7 +53,7 @@ class MuonAdam(Optimizer):
         super().__init__(groups, {})
         self.param_groups = self.muon.param_groups + self.adam.param_groups
 
-    def step(self, closure: Callable[[], float] | None = None) -> float | None:  # type: ignore[override]
+    def step(self, closure: Callable[[], Any] | None = None) -> Any:
         """One step of both."""
         loss = None
         if closure is not None:

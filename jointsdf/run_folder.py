@@ -7,8 +7,10 @@ from typing import Any
 
 import yaml
 
-from jointsdf.results import write_atomically
+from jointsdf.results import ROW_FILE, ResultRow, read_row, write_atomically
 from jointsdf.values import InputError
+
+CONFIG, CHECKPOINT, BOARD = "config.yaml", "last.ckpt", "tb"
 
 # What decides the numbers of a run; everything else in the config is where and how it runs.
 NUMBERS = ("seed", "data", "trunk", "head", "loss", "optimizer", "trainer", "extraction", "evaluation")
@@ -28,32 +30,41 @@ def identity(settings: Mapping[str, Any], **shape: str) -> dict[str, Any]:
     return numbers | {"shape": shape}
 
 
-def claim(
-    folder: Path, settings: Mapping[str, Any], numbers: Mapping[str, Any], *, resume: str, force: bool
-) -> None:
-    """Make the folder this run's: write its config there, or refuse.
+def finished_row(folder: Path, numbers: Mapping[str, Any], *, force: bool) -> ResultRow | None:
+    """The row of this very run, if the folder holds it already; nothing is written.
 
     Args:
-        folder: The run folder; made where it is not there.
-        settings: The resolved config, stored as `config.yaml`.
+        folder: The run folder; need not be there.
         numbers: From `identity`.
-        resume: `auto` keeps the folder's checkpoint, `never` deletes it.
-        force: Whether to throw away what the folder holds.
+        force: Whether what the folder holds does not matter.
 
     Raises:
-        InputError: The folder holds another config and `force` is not set; the differing keys are listed.
+        InputError: The folder holds a checkpoint or result of another config (the differing keys are listed), or a
+            damaged one.
     """
-    if resume not in ("auto", "never"):
-        raise InputError(f"resume={resume}: accepted are auto, never")
-    if force and folder.is_dir():
+    if force or not ((folder / ROW_FILE).exists() or (folder / CHECKPOINT).exists()):
+        return None
+    if not (folder / CONFIG).is_file():
+        raise InputError(f"{folder} holds a run without its {CONFIG}; force=true starts it over")
+    _refuse_another(folder, _flat(read_config(folder)["identity"]), _flat(numbers))
+    return stored_row(folder) if (folder / ROW_FILE).exists() else None
+
+
+def claim(folder: Path, settings: Mapping[str, Any], numbers: Mapping[str, Any], *, resume: str, force: bool) -> None:
+    """Make the folder this run's: write its config there.
+
+    Without a checkpoint to go on from, whatever an earlier attempt left is removed.
+
+    Args:
+        folder: The run folder, for which `finished_row` gave None; made where it is not there.
+        settings: The resolved config, stored as `config.yaml`.
+        numbers: From `identity`.
+        resume: `auto` keeps the folder's checkpoint, `never` does not.
+        force: Whether to throw away what the folder holds.
+    """
+    if folder.is_dir() and (force or resume == "never" or not (folder / CHECKPOINT).exists()):
         shutil.rmtree(folder)
-    stored = folder / "config.yaml"
-    if stored.is_file():
-        _refuse_another(folder, _flat(read_config(folder)["identity"]), _flat(numbers))
-    folder.mkdir(parents=True, exist_ok=True)
-    if resume == "never":
-        (folder / "last.ckpt").unlink(missing_ok=True)
-    write_atomically(stored, yaml.safe_dump({**settings, "identity": dict(numbers)}, sort_keys=False))
+    write_atomically(folder / CONFIG, yaml.safe_dump({**settings, "identity": dict(numbers)}, sort_keys=False))
 
 
 def read_config(folder: Path) -> dict[str, Any]:
@@ -62,22 +73,40 @@ def read_config(folder: Path) -> dict[str, Any]:
     Raises:
         InputError: There is none, or it cannot be read.
     """
-    path = folder / "config.yaml"
+    path = folder / CONFIG
     if not path.is_file():
-        raise InputError(f"{folder}: not a run folder (no config.yaml); give one that train.py made")
+        raise InputError(f"{folder}: not a run folder (no {CONFIG}); give one that train.py made")
     try:
-        config: dict[str, Any] = yaml.safe_load(path.read_text())
-        config["identity"]
-    except (yaml.YAMLError, TypeError, KeyError) as error:
+        config: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
+        for key in (*NUMBERS, "shape", "labels", "paths"):
+            config[key]
+        _flat(config["identity"]["shape"])
+    except (yaml.YAMLError, UnicodeDecodeError, TypeError, KeyError, AttributeError) as error:
         raise InputError(f"{path}: damaged; force=true starts the run over") from error
     return config
+
+
+def stored_row(folder: Path) -> ResultRow:
+    """The row that a run folder holds.
+
+    Raises:
+        InputError: There is none, or it cannot be read.
+    """
+    path = folder / ROW_FILE
+    if not path.is_file():
+        raise InputError(f"{folder}: no finished run (no {ROW_FILE}); the same train.py command finishes it")
+    try:
+        return read_row(path)
+    except ValueError as error:
+        raise InputError(f"{error}, or force=true") from error
 
 
 def _refuse_another(folder: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
     differing = sorted(key for key in before.keys() | now.keys() if before.get(key) != now.get(key))
     if differing:
         listed = ", ".join(f"{key} ({before.get(key)} -> {now.get(key)})" for key in differing)
-        raise InputError(f"{folder} holds another config: {listed}; variant=<name> makes a new folder, force=true overwrites")
+        fix = "variant=<name> makes a new folder, force=true overwrites"
+        raise InputError(f"{folder} holds another config: {listed}; {fix}")
 
 
 def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

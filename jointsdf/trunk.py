@@ -16,6 +16,7 @@ from jointsdf.heads import HEADS
 from jointsdf.layers import SineLayer, hidden_sine, start_uniform
 from jointsdf.values import BOX, UNLABELLED, InputError, Normalisation
 
+CHUNK = 65536  # points evaluated at once
 SPHERE_RADIUS = 0.5  # network length units; about the size of a part in its box
 # What reading a damaged checkpoint can raise, found by feeding it flipped bytes.
 UNREADABLE = (
@@ -123,6 +124,9 @@ class JointField(nn.Module):
         head: `name` in `HEADS` and that head's own arguments.
         part_ids: Original part ids, in the order of the logits.
         normalisation: File frame -> network frame.
+
+    Raises:
+        InputError: An unknown head, or arguments that trunk or head do not take.
     """
 
     centre: Tensor
@@ -143,7 +147,10 @@ class JointField(nn.Module):
         name = knobs.pop("name")
         if name not in HEADS:
             raise InputError(f"head={name}: accepted are {', '.join(HEADS)}")
-        self.head = HEADS[name](self.trunk.feature_width, len(part_ids), **knobs)
+        try:
+            self.head = HEADS[name](self.trunk.feature_width, len(part_ids), **knobs)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"head {name} with {knobs}: {first_line(error)}") from error
         self.register_buffer("part_ids", torch.as_tensor(np.asarray(part_ids, dtype=np.int64)))
         self.register_buffer("centre", torch.as_tensor(np.asarray(normalisation.centre, dtype=np.float64)))
         self.register_buffer("scale", torch.tensor(float(normalisation.scale), dtype=torch.float64))
@@ -155,7 +162,11 @@ class JointField(nn.Module):
 
     @torch.no_grad()
     def query(self, points: Float[Tensor, "n 3"]) -> FieldQuery:
-        """Everything the field knows at points in the file frame."""
+        """Everything the field knows at points in the file frame, in bounded memory."""
+        answers = [self._query(chunk) for chunk in points.split(CHUNK)]
+        return FieldQuery(*(torch.cat(column) for column in zip(*answers, strict=True)))
+
+    def _query(self, points: Float[Tensor, "n 3"]) -> FieldQuery:
         parameter = self.trunk.output.weight
         inside = ((points.to(self.centre) - self.centre) / self.scale).to(parameter)
         traced = trace(self.trunk.sine_layers, self.trunk.output, inside, with_cosines=True)
@@ -172,7 +183,7 @@ class JointField(nn.Module):
     @torch.no_grad()
     def network_part(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
         """Original part id at points in the network frame; -1 without a head."""
-        chunks = [self._parts(self._logits(self.trunk(chunk)[1])) for chunk in self._tensor(points).split(65536)]
+        chunks = [self._parts(self._logits(self.trunk(chunk)[1])) for chunk in self._tensor(points).split(CHUNK)]
         parts: ndarray = torch.cat(chunks).cpu().numpy()
         return parts
 

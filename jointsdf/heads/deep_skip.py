@@ -1,5 +1,7 @@
 """Deep sine head whose input and first hidden layer are fed again to its third."""
 
+from collections.abc import Sequence
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -17,7 +19,7 @@ class DeepSkipHead(nn.Module):
         omega: Frequency of the first layer; the later ones have frequency 1.
     """
 
-    def __init__(self, in_features: int, num_classes: int, *, widths: tuple[int, int, int, int], omega: float) -> None:
+    def __init__(self, in_features: int, num_classes: int, *, widths: Sequence[int], omega: float) -> None:
         super().__init__()
         one, two, three, four = widths
         self.first = SineLayer(in_features, one, omega=omega, weight_bound=1 / in_features)

@@ -1,5 +1,7 @@
 """Hybrid head: one sine layer, then ReLU."""
 
+from collections.abc import Sequence
+
 from jaxtyping import Float
 from torch import Tensor, nn
 
@@ -18,15 +20,16 @@ class HybridHead(nn.Module):
     """
 
     def __init__(
-        self, in_features: int, num_classes: int, *, widths: tuple[int, int], omega: float, dropout: float
+        self, in_features: int, num_classes: int, *, widths: Sequence[int], omega: float, dropout: float
     ) -> None:
         super().__init__()
+        one, two = widths
         self.layers = nn.Sequential(
-            SineLayer(in_features, widths[0], omega=omega, weight_bound=1 / in_features),
+            SineLayer(in_features, one, omega=omega, weight_bound=1 / in_features),
             nn.Dropout(dropout),
-            kaiming(widths[0], widths[1]),
+            kaiming(one, two),
             nn.ReLU(),
-            classifier(widths[1], num_classes),
+            classifier(two, num_classes),
         )
 
     def forward(self, features: Float[Tensor, "n i"]) -> Float[Tensor, "n k"]:

@@ -1,6 +1,6 @@
 """ReLU head: the plain classifier of the paper's comparison."""
 
-from itertools import pairwise
+from collections.abc import Sequence
 
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -18,11 +18,16 @@ class ReluHead(nn.Module):
         dropout: Share of the first hidden layer's units dropped in training.
     """
 
-    def __init__(self, in_features: int, num_classes: int, *, widths: tuple[int, int], dropout: float) -> None:
+    def __init__(self, in_features: int, num_classes: int, *, widths: Sequence[int], dropout: float) -> None:
         super().__init__()
-        first, second = (kaiming(i, o) for i, o in pairwise((in_features, *widths)))
+        one, two = widths
         self.layers = nn.Sequential(
-            first, nn.ReLU(), nn.Dropout(dropout), second, nn.ReLU(), classifier(widths[1], num_classes)
+            kaiming(in_features, one),
+            nn.ReLU(),
+            nn.Dropout(dropout),
+            kaiming(one, two),
+            nn.ReLU(),
+            classifier(two, num_classes),
         )
 
     def forward(self, features: Float[Tensor, "n i"]) -> Float[Tensor, "n k"]:

@@ -1,5 +1,7 @@
 """Sine head: the trunk's own activation carried into the classifier."""
 
+from collections.abc import Sequence
+
 from jaxtyping import Float
 from torch import Tensor, nn
 
@@ -16,12 +18,13 @@ class SirenHead(nn.Module):
         omega: Frequency of the first layer; the second has frequency 1.
     """
 
-    def __init__(self, in_features: int, num_classes: int, *, widths: tuple[int, int], omega: float) -> None:
+    def __init__(self, in_features: int, num_classes: int, *, widths: Sequence[int], omega: float) -> None:
         super().__init__()
+        one, two = widths
         self.layers = nn.Sequential(
-            SineLayer(in_features, widths[0], omega=omega, weight_bound=1 / in_features),
-            hidden_sine(widths[0], widths[1], omega=1.0),
-            classifier(widths[1], num_classes),
+            SineLayer(in_features, one, omega=omega, weight_bound=1 / in_features),
+            hidden_sine(one, two, omega=1.0),
+            classifier(two, num_classes),
         )
 
     def forward(self, features: Float[Tensor, "n i"]) -> Float[Tensor, "n k"]:

@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from jaxtyping import Float
 from torch import Tensor
@@ -15,6 +15,7 @@ from jointsdf.values import Step
 Needs = Mapping[str, frozenset[str | Mixed]]
 
 
+@runtime_checkable
 class Term(Protocol):
     """What every loss term is."""
 

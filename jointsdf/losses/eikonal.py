@@ -1,5 +1,6 @@
 """Eikonal loss: a distance's gradient has length one."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -26,7 +27,7 @@ class Eikonal:
     """
 
     form: Literal["squared", "abs"] = "abs"
-    on: tuple[str, ...] = ("manifold", "shell")
+    on: Sequence[str] = ("manifold", "shell")
 
     def __post_init__(self) -> None:
         """Check the two choices.

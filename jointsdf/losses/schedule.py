@@ -15,8 +15,8 @@ class Schedule:
     """A factor on a term's weight, as a function of the share of steps done.
 
     Attributes:
-        form: `constant`: 1 throughout. Between two knots, `linear` interpolates, `quintic` does so by the smooth step
-            s^3 (10 - 15 s + 6 s^2), and `step` keeps the earlier knot's value.
+        form: `constant`: 1 throughout. From one knot to the next, `linear` interpolates, `quintic` falls fast and
+            then slowly, by 1 - (1 - s)^5, and `step` takes the next knot's value as soon as the earlier one is passed.
         knots: (share of the steps, factor) pairs, ascending in the share; the first and last value hold outside.
     """
 
@@ -50,5 +50,5 @@ class Schedule:
 
     def _progress(self, s: float) -> float:
         if self.form == "step":
-            return 0.0
-        return s**3 * (10 - 15 * s + 6 * s * s) if self.form == "quintic" else s
+            return float(s > 0)
+        return 1 - (1 - s) ** 5 if self.form == "quintic" else s

@@ -8,8 +8,10 @@ from difflib import SequenceMatcher
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Int
+from numpy import ndarray
 
-from jointsdf.shapes import abc, builtin, file, repair
+from jointsdf.shapes import abc, builtin, features, file, repair, step
 from jointsdf.shapes import labels as part_labels
 from jointsdf.values import UNLABELLED, InputError, LabelledMesh, Shape
 
@@ -32,17 +34,22 @@ def load(
     abc_root: str | Path,
     abc_missing: str = "fallback",
     segmented: bool = True,
+    step_tolerance: float = 1e-4,
+    step_angle: float = 0.1,
 ) -> Shape:
     """Load one shape with its part labels, in the file frame, with original label ids.
 
     Args:
-        shape: A catalogue name (`part_01`, `abc_0001`) or the path of a ply, obj, stl, off or glb file.
-        labels: A `.npy` file, `brep` (the patches as they are), `none`, or `auto`: `labels.npy`, else `patches.npy`
-            beside the mesh. Given labels are never merged; the patches of a catalogue ABC shape are merged to at most
-            18 parts under `auto`.
+        shape: A catalogue name (`part_01`, `abc_0001`) or the path of a ply, obj, stl, off, glb, step or stp file.
+        labels: A `.npy` or ABC features file, `brep` (the patches as they are), `none`, or `auto`: `labels.npy` beside
+            the mesh, else the patches. These are a STEP file's B-rep faces, those of the features file beside an ABC
+            obj, or `patches.npy` beside the mesh. Given labels are never merged; the patches of a catalogue ABC shape
+            are merged to at most 18 parts under `auto`.
         abc_root: Folder that holds `abc_0001/mesh.ply` and so on.
         abc_missing: `fallback`: without the ABC mesh, go on with `part_01` and its own labels; `error`: do not.
         segmented: Whether at least two labelled parts are needed. If not, missing labels become -1.
+        step_tolerance: Largest distance of a STEP file's triangles from its surfaces, relative to its longest side.
+        step_angle: Largest angle between neighbouring chords of a STEP file's curves, radians.
 
     Raises:
         InputError: The name, path, mesh or label file cannot be used, or a segmentation has nothing to learn.
@@ -54,7 +61,7 @@ def load(
     elif shape in abc.catalogue():
         loaded = _from_catalogue(shape, labels, abc_root, abc_missing, segmented)
     elif Path(shape).suffix or "/" in shape or "\\" in shape or Path(shape).is_file():
-        loaded = _from_path(Path(shape).expanduser(), labels, segmented)
+        loaded = _from_path(Path(shape).expanduser(), labels, segmented, (step_tolerance, step_angle))
     else:
         near = sorted(shape_names(), key=lambda name: -SequenceMatcher(None, name, shape).ratio())[:4]
         raise InputError(f"unknown shape {shape!r}: near names are {', '.join(near)}; or give the path of a mesh file")
@@ -98,23 +105,34 @@ def _from_catalogue(name: str, labels: str, root: str | Path, missing: str, segm
     return shape
 
 
-def _from_path(path: Path, labels: str, segmented: bool) -> Shape:
-    """The shape in a mesh file, named by stem and content."""
-    found = file.read(path)
-    source = part_labels.find(labels, path)
+def _from_path(path: Path, labels: str, segmented: bool, tolerances: tuple[float, float] = (1e-4, 0.1)) -> Shape:
+    """The shape in a mesh or STEP file, named by stem and content."""
+    is_step = path.suffix.lower() in step.SUFFIXES
+    found, brep_faces = _tessellated(path, *tolerances) if is_step else (file.read(path), None)
+    patches = path if is_step else features.beside(path) or path.with_name("patches.npy")
+    source = part_labels.find(labels, path, patches)
     if source is None:
         if segmented and labels == "brep":
-            raise InputError(
-                f"labels={labels}: {path.with_name('patches.npy')} not found; give labels=<file.npy>, or head=none"
-            )
+            raise InputError(f"labels={labels}: {patches} not found; give labels=<file.npy>, or head=none")
         per_face, provider = np.full(len(found.faces), UNLABELLED), "none"
     elif found.has_polygons:
         raise InputError(
             f"{path} has polygons, so labels per face are ambiguous: triangulate it, one label per triangle"
         )
+    elif brep_faces is not None and source[0] == path:
+        per_face, provider = brep_faces, source[1]
+    elif source[0].suffix.lower() in features.SUFFIXES:
+        per_face, provider = features.read(source[0], len(found.faces), len(found.vertices)).patches, source[1]
     else:
         per_face, provider = part_labels.read(source[0], len(found.faces)), source[1]
     solid = repair.cleaned(str(path), found.vertices, found.faces)
     mesh = LabelledMesh(solid.vertices, solid.faces, per_face[solid.kept])
     stem = re.sub(r"[^A-Za-z0-9._-]", "_", path.stem).lstrip(".")[:100] or "mesh"
     return Shape(f"{stem}-{found.sha256[:6]}", mesh, found.sha256, provider, solid.watertight)
+
+
+def _tessellated(path: Path, tolerance: float, angle: float) -> tuple[file.FileMesh, Int[ndarray, " f"]]:
+    """A STEP file's triangles, as if they were a mesh file's, and the B-rep face of each."""
+    data = file.content(path)
+    mesh = step.read(path, data, tol_linear=tolerance, tol_angular=angle)
+    return file.FileMesh(mesh.vertices, mesh.faces, False, hashlib.sha256(data).hexdigest()), mesh.patches

@@ -1,4 +1,7 @@
-"""A mesh file (ply, obj, stl, off, glb) as triangles in the file's order, with every damage named."""
+"""A mesh file (ply, obj, stl, off, glb) as triangles in the file's order, with every damage named.
+
+The content of a STEP file is read here too; the B-rep reader makes triangles of it.
+"""
 
 import hashlib
 import io
@@ -14,7 +17,7 @@ from numpy import ndarray
 
 from jointsdf.values import InputError
 
-FORMATS = ("ply", "obj", "stl", "off", "glb")
+FORMATS = ("ply", "obj", "stl", "off", "glb", "step", "stp")
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ def read(path: Path) -> FileMesh:
         InputError: The file is missing, empty, truncated, unreadable or of another format, has no faces, a
             NaN or infinite vertex, or a face that uses a vertex out of range.
     """
-    data = _bytes(path)
+    data = content(path)
     vertices, faces, declared = _parse(path, data)
     if declared is not None and declared > len(faces):
         raise InputError(f"{path} is truncated: it announces {declared} faces and holds {len(faces)}; export it again")
@@ -59,8 +62,12 @@ def read(path: Path) -> FileMesh:
     return FileMesh(vertices, faces, has_polygons, hashlib.sha256(data).hexdigest())
 
 
-def _bytes(path: Path) -> bytes:
-    """The file's content, once it is clear that it is a non-empty file of a known format."""
+def content(path: Path) -> bytes:
+    """The file's content, once it is clear that it is a non-empty file of a known format.
+
+    Raises:
+        InputError: The file is missing, a folder, empty, unreadable or of another format.
+    """
     if not path.exists():
         raise InputError(f"file not found: {path}")
     if path.is_dir():

@@ -12,37 +12,37 @@ from numpy import ndarray
 from jointsdf.values import UNLABELLED, InputError, LabelledMesh
 
 
-def brep(mesh_path: Path) -> tuple[Path, str] | None:
-    """The B-rep patches beside the mesh, as they are."""
-    patches = mesh_path.with_name("patches.npy")
+def brep(_: Path, patches: Path) -> tuple[Path, str] | None:
+    """The mesh's B-rep patches, as they are."""
     return (patches, "brep") if patches.is_file() else None
 
 
-def auto(mesh_path: Path) -> tuple[Path, str] | None:
+def auto(mesh_path: Path, patches: Path) -> tuple[Path, str] | None:
     """`labels.npy` beside the mesh, else its B-rep patches."""
     given = mesh_path.with_name("labels.npy")
-    return (given, "file:labels.npy") if given.is_file() else brep(mesh_path)
+    return (given, "file:labels.npy") if given.is_file() else brep(mesh_path, patches)
 
 
-def none(_: Path) -> None:
+def none(_: Path, __: Path) -> None:
     """No labels, even where some lie beside the mesh."""
 
 
-PROVIDERS: dict[str, Callable[[Path], tuple[Path, str] | None]] = {"auto": auto, "brep": brep, "none": none}
+PROVIDERS: dict[str, Callable[[Path, Path], tuple[Path, str] | None]] = {"auto": auto, "brep": brep, "none": none}
 
 
-def find(labels: str, mesh_path: Path) -> tuple[Path, str] | None:
+def find(labels: str, mesh_path: Path, patches: Path) -> tuple[Path, str] | None:
     """The label file meant by a user's `labels=` value, and the provider's name; None where there is none.
 
     Args:
-        labels: A provider's name or the path of a `.npy` file.
+        labels: A provider's name or the path of a `.npy` or ABC features file.
         mesh_path: The mesh file; providers look beside it.
+        patches: The file that holds the mesh's B-rep patches, if it exists.
 
     Raises:
         InputError: `labels` is neither a provider nor a path of an existing file.
     """
     if labels in PROVIDERS:
-        return PROVIDERS[labels](mesh_path)
+        return PROVIDERS[labels](mesh_path, patches)
     return named_file(labels)
 
 

@@ -1,0 +1,111 @@
+"""What TensorBoard shows of a run: previews on the way, and the finished result."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+from lightning import Callback, LightningModule, Trainer
+from lightning.pytorch.loggers import TensorBoardLogger
+from numpy import ndarray
+from torch.utils.tensorboard import SummaryWriter
+
+from jointsdf.evaluation import Protocol, evaluate
+from jointsdf.extraction import Extraction
+from jointsdf.module import JointSDFModule
+from jointsdf.trunk import JointField
+from jointsdf.values import LabelledMesh
+from jointsdf.viewing.export import TENSORBOARD_VERTICES, tensorboard_mesh
+
+PREVIEW_COLUMNS = ("cd_l1", "nc", "miou")
+MESH_RESOLUTIONS = (64, 48, 32, 24, 16, 8)  # tried in turn: a noisy field's mesh can be too large for the mesh tab
+
+
+def extract(field: JointField, extraction: Extraction) -> LabelledMesh:
+    """The field's labelled mesh, file frame."""
+    return extraction.labelled_mesh(field.network_sdf, field.network_part, field.normalisation)
+
+
+class Preview(Callback):
+    """Every so many steps: a coarse mesh, measured and pictured, in TensorBoard under `preview_<resolution>/`.
+
+    Args:
+        writer: Where to.
+        truth: Ground truth, file frame.
+        protocol: How to measure; a coarse one, since this is only a preview.
+        extraction: A coarse grid.
+        every: Steps.
+        picture: (truth, prediction) -> image.
+    """
+
+    def __init__(
+        self,
+        writer: SummaryWriter,
+        truth: LabelledMesh,
+        protocol: Protocol,
+        extraction: Extraction,
+        every: int,
+        picture: Callable[[LabelledMesh, LabelledMesh], UInt8[ndarray, "h w 3"]],
+    ) -> None:
+        self.writer, self.truth, self.protocol = writer, truth, protocol
+        self.extraction, self.every, self.picture = extraction, every, picture
+
+    def on_train_batch_end(self, trainer: Trainer, pl_module: LightningModule, *_: Any) -> None:
+        """Measure when it is time, but not at the very end, which is measured in full."""
+        step = trainer.global_step
+        if step % self.every or step >= trainer.max_steps:
+            return
+        assert isinstance(pl_module, JointSDFModule)
+        mesh = extract(pl_module.field, self.extraction)
+        scores = evaluate(mesh, self.truth, None, {"preview": self.protocol})["preview"]
+        tag = f"preview_{self.extraction.resolution}"
+        for column in PREVIEW_COLUMNS:
+            if np.isfinite(scores.get(column, np.nan)):
+                self.writer.add_scalar(f"{tag}/{column}", scores[column], step)
+        self.writer.add_image(f"{tag}/truth_and_prediction", self.picture(self.truth, mesh), step, dataformats="HWC")
+
+
+def log_result(
+    board: TensorBoardLogger,
+    field: JointField,
+    picture: UInt8[ndarray, "h w 3"],
+    settings: Mapping[str, Any],
+    scores: Mapping[str, float],
+    step: int,
+    resolution: int,
+) -> None:
+    """The finished run in TensorBoard: picture, mesh tab, hparams beside final metrics.
+
+    Args:
+        board: Where to.
+        field: For the mesh tab, on a grid that the tab can show.
+        picture: Ground truth and prediction side by side.
+        settings: Plain values that name the run.
+        scores: Final metrics.
+        step: Steps done.
+        resolution: Of the result; the mesh tab's mesh is no finer.
+    """
+    board.experiment.add_image("result/truth_and_prediction", picture, step, dataformats="HWC")
+    _log_mesh(board.experiment, field, step, resolution)
+    finite = {f"result/{name}": value for name, value in scores.items() if np.isfinite(value)}
+    board.log_hyperparams(dict(settings), finite, step)  # SummaryWriter.add_hparams would make a run of its own
+    board.finalize("success")
+
+
+def _log_mesh(writer: SummaryWriter, field: JointField, step: int, finest: int) -> None:
+    """The mesh tab's entry; none for a field without a surface."""
+    for resolution in (size for size in MESH_RESOLUTIONS if size <= finest):
+        mesh = extract(field, Extraction(resolution=resolution))
+        corners = np.stack([mesh.faces.reshape(-1), np.repeat(mesh.labels, 3)], axis=1)
+        if not mesh.is_empty and len(np.unique(corners, axis=0)) <= TENSORBOARD_VERTICES:
+            break
+    else:
+        return
+    vertices, colours, faces = (torch.as_tensor(array) for array in tensorboard_mesh(mesh))
+    camera = {"cls": "PerspectiveCamera", "fov": 60, "position": [0, 0, 3.3]}
+    lights = [
+        {"cls": "AmbientLight", "color": "#ffffff", "intensity": 0.9},
+        {"cls": "DirectionalLight", "color": "#ffffff", "intensity": 0.7, "position": [1, 2, 3]},
+    ]
+    writer.add_mesh("result/mesh", vertices, colours, faces, {"camera": camera, "lights": lights}, global_step=step)

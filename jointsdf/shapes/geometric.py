@@ -1,0 +1,150 @@
+"""Parts of any mesh from its geometry alone, as a hierarchy that can be cut at any number of parts.
+
+Smooth regions are merged in pairs, the cheapest first. Parts end at concave creases, at holes and where the thickness
+changes; convex edges, small regions and enclosed borders bind. Smooth regions are bisected where more parts are asked.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from jointsdf.shapes import regions as smooth
+from jointsdf.shapes.bisection import bisected
+from jointsdf.shapes.labels import face_areas
+from jointsdf.shapes.merging import APART, SMALLEST, Merging
+from jointsdf.values import InputError, LabelledMesh
+
+LEAVES = 64  # pieces that smooth regions are cut into, at least
+FEWEST, MOST = 2, 18  # parts that are natural
+ALMOST = 0.75  # of the largest jump of the cost
+NOISE = 0.01  # cost below which no merge is dearer than another
+
+
+@dataclass(frozen=True)
+class Hierarchy:
+    """Nested partitions of a mesh's faces, one for each number of parts.
+
+    Attributes:
+        leaves: Finest piece of each face, 0, 1, ...
+        areas: Of each piece, share of the whole.
+        merges: In their order: the piece that goes on, and the one that joins it with all that joined it before.
+        costs: Of each merge; never falling.
+    """
+
+    leaves: Int[ndarray, " f"]
+    areas: Float[ndarray, " l"]
+    merges: Int[ndarray, "m 2"]
+    costs: Float[ndarray, " m"]
+
+    def cut(self, num_parts: int | None) -> Int[ndarray, " f"]:
+        """Part of each face, 0, 1, .. by falling area.
+
+        Args:
+            num_parts: Wanted number of parts; None for the natural one.
+
+        Raises:
+            InputError: There are not as many pieces.
+        """
+        num_parts = self.natural_parts if num_parts is None else num_parts
+        if not 1 <= num_parts <= len(self.areas):
+            raise InputError(f"num_parts={num_parts}: this mesh can be cut into 1 to {len(self.areas)} parts")
+        owner = np.arange(len(self.areas))
+        for kept, joined in self.merges[: len(self.areas) - num_parts]:
+            owner[owner == owner[joined]] = owner[kept]
+        ids, parts = np.unique(owner, return_inverse=True)
+        area = np.bincount(parts, self.areas, minlength=len(ids)).round(9)
+        rank = np.argsort(np.argsort(-area, kind="stable"), kind="stable")
+        labels: Int[ndarray, " f"] = rank[parts][self.leaves]
+        return labels
+
+    @property
+    def natural_parts(self) -> int:
+        """The number of parts, 2 to 18, before a merge whose cost stands out from the one before it.
+
+        Of all such numbers it is the largest, as long as the cost stands out almost as much as anywhere.
+        """
+        most = min(MOST, len(self.areas))
+        if most < FEWEST:
+            return most
+        costs = np.concatenate([[0.0], self.costs]) + NOISE
+        jump = np.log(costs[1:] / costs[:-1])[::-1].round(9)  # jump[k - 2]: from k to k - 1 parts
+        jump = jump[: most - 1]
+        return FEWEST + int(np.flatnonzero(jump >= ALMOST * jump.max())[-1]) if jump.max() > 0 else FEWEST
+
+    def save(self, path: Path) -> None:
+        """Write everything to an `.npz` file."""
+        np.savez_compressed(path, leaves=self.leaves, areas=self.areas, merges=self.merges, costs=self.costs)
+
+    @classmethod
+    def load(cls, path: Path) -> "Hierarchy":
+        """Read what `save` wrote."""
+        with np.load(path, allow_pickle=False) as arrays:
+            return cls(arrays["leaves"], arrays["areas"], arrays["merges"], arrays["costs"])
+
+
+def hierarchy(mesh: LabelledMesh, patches: Int[ndarray, " f"] | None) -> Hierarchy:
+    """The hierarchy of parts of a mesh; its labels are not looked at.
+
+    Every part is connected, unless it holds several bodies because fewer parts than bodies were asked for; no part
+    but a whole body is below 0.2% of the area.
+
+    Args:
+        mesh: Any frame; open, non-manifold and of several bodies if need be, without degenerate faces.
+        patches: B-rep patch of each face, -1 where unknown; None where there are none.
+    """
+    size = np.linalg.norm(np.ptp(mesh.vertices, axis=0))
+    centres = (mesh.vertices[mesh.faces].mean(axis=1) - mesh.vertices.mean(axis=0)) / size
+    order = np.lexsort(centres.round(9).T)  # everything below then breaks ties by place, not by the faces' order
+    mesh, centres = LabelledMesh(mesh.vertices, mesh.faces[order], mesh.labels[order]), centres[order]
+    graph, areas = smooth.face_graph(mesh), face_areas(mesh) / face_areas(mesh).sum()
+    regions = smooth.smooth_regions(graph, None if patches is None else patches[order])
+    merges, costs, absorbed = Merging(smooth.measured(mesh, graph, regions)).run()
+    merges, costs = _with_bodies(merges, costs, areas, centres, regions)
+    atoms, merges, costs = _without_first(absorbed, merges, costs, regions)
+    ways = np.linalg.norm(centres[graph.pairs[:, 0]] - centres[graph.pairs[:, 1]], axis=1)
+    pieces, cuts = bisected(atoms, graph.pairs, ways, centres, areas, LEAVES, SMALLEST)
+    leaves = np.zeros_like(pieces)
+    leaves[order] = pieces
+    return Hierarchy(
+        leaves,
+        np.bincount(pieces, areas),
+        np.concatenate([cuts[::-1], merges]),
+        np.maximum.accumulate(np.concatenate([np.zeros(len(cuts)), costs])),
+    )
+
+
+def _with_bodies(
+    merges: Int[ndarray, "m 2"],
+    costs: Float[ndarray, " m"],
+    areas: Float[ndarray, " f"],
+    centres: Float[ndarray, "f 3"],
+    regions: Int[ndarray, " f"],
+) -> tuple[Int[ndarray, "n 2"], Float[ndarray, " n"]]:
+    """The merges, followed by those of bodies that do not touch: the smallest joins the one with the nearest centre."""
+    body = smooth.components(merges, int(regions.max()) + 1)
+    names = np.unique(body, return_index=True)[1]  # the region that goes on is the body's lowest: a < b in each merge
+    size = np.bincount(body[regions], areas)
+    moment = np.stack([np.bincount(body[regions], areas * axis) for axis in centres.T], axis=1)
+    joined = []
+    alive = np.ones(len(names), dtype=bool)
+    for _ in range(len(names) - 1):
+        small = int(np.argmin(np.where(alive, size, np.inf)))
+        alive[small] = False
+        away = np.linalg.norm(moment / size[:, None] - moment[small] / size[small], axis=1)
+        near = int(np.argmin(np.where(alive, away, np.inf)))
+        size[near] += size[small]
+        moment[near] += moment[small]
+        joined.append((names[near], names[small]))
+    extra = np.array(joined, dtype=np.int64).reshape(-1, 2)
+    return np.concatenate([merges, extra]), np.concatenate([costs, np.full(len(extra), APART)])
+
+
+def _without_first(
+    absorbed: int, merges: Int[ndarray, "m 2"], costs: Float[ndarray, " m"], regions: Int[ndarray, " f"]
+) -> tuple[Int[ndarray, " f"], Int[ndarray, "n 2"], Float[ndarray, " n"]]:
+    """Regions after the first merges, numbered anew, and the other merges in the new numbers."""
+    number = smooth.components(merges[:absorbed], int(regions.max()) + 1)
+    return number[regions], number[merges[absorbed:]], costs[absorbed:]

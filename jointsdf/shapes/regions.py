@@ -1,0 +1,153 @@
+"""The smallest pieces of a mesh that a part is made of, and what lies between them: creases, thickness, curvature."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from jointsdf.shapes.labels import face_areas
+from jointsdf.shapes.surroundings import surroundings
+from jointsdf.values import UNLABELLED, LabelledMesh
+
+CREASE = np.radians(32.0)  # a cylinder of twelve segments (30 degrees) stays one region
+RIGHT_ANGLE = np.pi / 2
+
+
+@dataclass(frozen=True)
+class FaceGraph:
+    """Which faces share an edge; where more than two do, those that walk it in opposite directions.
+
+    Attributes:
+        pairs: The two faces.
+        lengths: Of the shared edge, mesh units.
+        angles: Between the two normals, radians; positive where the edge is convex.
+        num_faces: Of the mesh.
+    """
+
+    pairs: Int[ndarray, "p 2"]
+    lengths: Float[ndarray, " p"]
+    angles: Float[ndarray, " p"]
+    num_faces: int
+
+
+@dataclass(frozen=True)
+class Regions:
+    """What is known of each region, and of each two regions that touch.
+
+    Attributes:
+        areas: Share of the whole area, > 0.
+        thickness: Natural logarithm of the typical local thickness in diagonals of the mesh.
+        hollow: How much the region is like the wall of a hole or pocket, curved inward or enclosed: 0..1.
+        pairs: Two regions that touch, the smaller index first; each pair once.
+        lengths: Of their shared border, in diagonals of the mesh.
+        concave: Mean concave angle along that border, in right angles.
+        convex: Mean convex angle along that border, in right angles.
+    """
+
+    areas: Float[ndarray, " r"]
+    thickness: Float[ndarray, " r"]
+    hollow: Float[ndarray, " r"]
+    pairs: Int[ndarray, "b 2"]
+    lengths: Float[ndarray, " b"]
+    concave: Float[ndarray, " b"]
+    convex: Float[ndarray, " b"]
+
+
+def face_graph(mesh: LabelledMesh) -> FaceGraph:
+    """The faces that share an edge, whatever the number of faces at an edge and their winding."""
+    ends = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    opposite = mesh.faces[:, [2, 0, 1]].reshape(-1)
+    first, second = _sharing_an_edge(ends, len(mesh.vertices))
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    one, other = normals[first // 3], normals[second // 3]
+    same_way = ends[first, 0] == ends[second, 0]
+    other = np.where(same_way[:, None], -other, other)
+    start, end = mesh.vertices[ends[first]].swapaxes(0, 1)
+    size = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("pd,pd->p", one, other))
+    above = np.einsum("pd,pd->p", one, mesh.vertices[opposite[second]] - start)
+    pairs = np.stack([first // 3, second // 3], axis=1)
+    lengths = np.linalg.norm(end - start, axis=1)
+    return FaceGraph(pairs, lengths, np.where(above > 0, -size, size), len(mesh.faces))
+
+
+def smooth_regions(graph: FaceGraph, patches: Int[ndarray, " f"] | None) -> Int[ndarray, " f"]:
+    """Region of each face: connected faces of one patch; where no patch is known, faces without a crease between.
+
+    Args:
+        graph: Of the mesh.
+        patches: Patch id of each face, -1 where unknown.
+    """
+    known = np.full(graph.num_faces, UNLABELLED) if patches is None else patches
+    one, other = known[graph.pairs].T
+    joined = (one == other) & ((one != UNLABELLED) | (np.abs(graph.angles) < CREASE))
+    return components(graph.pairs[joined], graph.num_faces)
+
+
+def components(pairs: Int[ndarray, "p 2"], count: int) -> Int[ndarray, " n"]:
+    """Component of each of `count` nodes, numbered by their first nodes."""
+    edges = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    _, found = connected_components(edges, directed=False)
+    _, first, compact = np.unique(found, return_index=True, return_inverse=True)
+    numbers: Int[ndarray, " n"] = np.argsort(np.argsort(first))[compact]
+    return numbers
+
+
+def measured(mesh: LabelledMesh, graph: FaceGraph, regions: Int[ndarray, " f"]) -> Regions:
+    """What is known of the regions 0, 1, .. of a mesh and of their borders, free of the mesh's size and pose."""
+    count = int(regions.max()) + 1
+    diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    weights = face_areas(mesh) / diagonal**2
+    areas = np.bincount(regions, weights, minlength=count)
+    thickness, occluded = surroundings(mesh, regions)
+    sides = regions[graph.pairs]
+    lengths = graph.lengths / diagonal
+    inside = sides[:, 0] == sides[:, 1]
+    bend = np.bincount(sides[inside, 0], (graph.angles * lengths)[inside], minlength=count)
+    curled = np.clip(-bend / np.sqrt(areas), 0.0, 1.0)
+    hollow = np.maximum(curled, occluded)
+    sides, lengths, angles = np.sort(sides[~inside], axis=1), lengths[~inside], graph.angles[~inside]
+    perimeter = np.bincount(sides.ravel(), np.repeat(lengths, 2), minlength=count)
+    turning = np.maximum(-bend, 0) / np.maximum(perimeter / 2, 1e-12)
+    concave, convex = _edge_creases(sides, angles, turning, curled)
+    keys, index = np.unique(sides[:, 0] * count + sides[:, 1], return_inverse=True)
+    total = np.bincount(index, lengths, minlength=len(keys))
+    safe = np.maximum(total, 1e-12)
+    concave, convex = (np.bincount(index, lengths * angle, minlength=len(keys)) / safe for angle in (concave, convex))
+    pairs = np.stack([keys // count, keys % count], axis=1)
+    return Regions(areas / areas.sum(), thickness, hollow, pairs, safe, concave, convex)
+
+
+def _sharing_an_edge(
+    ends: Int[ndarray, "h 2"], num_vertices: int
+) -> tuple[Int[ndarray, " p"], Int[ndarray, " p"]]:
+    """Pairs of sides of faces that are one edge, in opposite directions unless there are only these two."""
+    edge = ends.min(axis=1) * num_vertices + ends.max(axis=1)
+    order = np.argsort(edge, kind="stable")
+    _, number, uses = np.unique(edge, return_inverse=True, return_counts=True)
+    edge, found, offset = edge[order], [np.zeros((2, 0), dtype=np.int64)], 1
+    while (same := np.flatnonzero(edge[offset:] == edge[:-offset])).size:
+        found.append(np.stack([order[same], order[same + offset]]))
+        offset += 1
+    first, second = np.concatenate(found, axis=1)
+    legal = (uses[number[first]] == 2) | (ends[first, 0] != ends[second, 0])
+    return first[legal], second[legal]
+
+
+def _edge_creases(
+    sides: Int[ndarray, "p 2"], angles: Float[ndarray, " p"], turning: Float[ndarray, " r"], curled: Float[ndarray, " r"]
+) -> tuple[Float[ndarray, " p"], Float[ndarray, " p"]]:
+    """Concave and convex angle of each edge between two regions, in right angles.
+
+    A fillet meets its neighbours without a crease: there the edge has the angle by which the fillet turns, so that
+    the faces on its two sides do not flow together through it. Two pieces of one hollow are no such case.
+    """
+    one, other = curled[sides].T
+    through = np.minimum(turning[sides].max(axis=1), RIGHT_ANGLE) * np.abs(one - other)
+    concave = np.where(np.abs(angles) < CREASE, np.maximum(-angles, through), np.maximum(-angles, 0.0))
+    convex = np.maximum(angles, 0.0)
+    return np.minimum(concave / RIGHT_ANGLE, 1.0), np.minimum(convex / RIGHT_ANGLE, 1.0)

@@ -1,0 +1,217 @@
+"""Every yaml composes, every `_target_` takes its keys, and the values that the method fixes are what a run gets."""
+
+import inspect
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hydra import compose, initialize_config_dir
+from hydra.errors import ConfigCompositionException
+from hydra.utils import get_object
+from omegaconf import DictConfig, OmegaConf
+
+from jointsdf.data import ShapeDataModule
+from jointsdf.heads import HEADS
+from jointsdf.module import JointSDFModule
+from jointsdf.sampling import Counts
+from jointsdf.trunk import SirenTrunk
+
+CONF = Path(__file__).parents[1] / "conf"
+CHOICES = sorted(f"{path.parent.relative_to(CONF)}={path.stem}" for path in CONF.glob("*/**/*.yaml"))
+RECIPES = sorted(path.stem for path in (CONF / "recipe").glob("*.yaml"))
+ROOTS = sorted(path.stem for path in CONF.glob("*.yaml"))
+WEIGHTS = {"dirichlet": 7000, "sign_agnostic": 600, "eikonal": 50, "weingarten": 10, "cross_entropy": 100}
+
+
+def config(*overrides: str, root: str = "config") -> DictConfig:
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        return compose(root, [*overrides])
+
+
+def plain(cfg: DictConfig) -> dict[str, Any]:
+    settings: Any = OmegaConf.to_container(cfg, resolve=True)
+    return settings
+
+
+def components(tree: Any) -> Iterator[dict[str, Any]]:
+    """Every node with a `_target_`."""
+    if isinstance(tree, dict):
+        if "_target_" in tree:
+            yield tree
+        for branch in tree.values():
+            yield from components(branch)
+
+
+def bind(target: Callable[..., object], given: dict[str, Any], *first: object, partial: bool = False) -> None:
+    """Raise TypeError where the target does not take what is given, or wants more."""
+    signature = inspect.signature(target)
+    (signature.bind_partial if partial else signature.bind)(*first, **given)
+
+
+def test_there_is_something_to_compose() -> None:
+    assert {"loss=paper", "head=siren", "recipe=fast", "optimizer=adam"} <= set(CHOICES)
+    assert {"config", "evaluate"} <= set(ROOTS)
+
+
+@pytest.mark.parametrize("root", ROOTS)
+def test_root_composes(root: str) -> None:
+    assert config(root=root)
+
+
+@pytest.mark.parametrize("choice", CHOICES)
+def test_every_choice_composes_and_every_component_takes_its_keys(choice: str) -> None:
+    if choice.startswith("hydra/"):
+        assert config(choice)
+        return
+    cfg = config(choice)
+    settings = plain(cfg)
+    found = list(components(settings))
+    assert len(found) > 10
+    for node in found:
+        given = {key: value for key, value in node.items() if not key.startswith("_")}
+        bind(get_object(node["_target_"]), given, partial=bool(node.get("_partial_")))
+    bind(SirenTrunk, settings["trunk"])
+    head = settings["head"]
+    bind(HEADS[head.pop("name")], head, 259, 4)
+    data = settings["data"]
+    bind(Counts, data.pop("counts"))
+    bind(ShapeDataModule, {**data, "seed": 0}, None, None)
+    taken = inspect.signature(JointSDFModule).parameters
+    assert {"max_steps", "clip", "head_lr", "cosine", "warmup"} <= settings["trainer"].keys() & taken.keys()
+
+
+@pytest.mark.parametrize("choice", CHOICES)
+def test_a_yaml_says_how_it_is_used(choice: str) -> None:
+    group, name = choice.split("=")
+    text = (CONF / group / f"{name}.yaml").read_text()
+    assert text.startswith("#")
+    assert "Usage: python " in text
+
+
+@pytest.mark.parametrize("wrong", ["sed=1", "head=relux", "trunk.widht=8", "loss.weights.eikonol=0"])
+def test_typing_errors_do_not_compose(wrong: str) -> None:
+    with pytest.raises(Exception, match=wrong.split("=")[0].split(".")[-1]) as caught:
+        config(wrong)
+    assert isinstance(caught.value, ConfigCompositionException)
+
+
+@pytest.mark.parametrize("recipe", RECIPES)
+def test_command_line_wins_over_the_recipe(recipe: str) -> None:
+    for order in (0, 1):
+        choices = [f"recipe={recipe}", "loss=paper", "optimizer=adam", "extraction=dense", "trainer.max_steps=17"]
+        cfg = config(*(choices if order else reversed(choices)))
+        assert cfg.recipe == recipe
+        assert plain(cfg.loss) == plain(config("recipe=paper").loss)
+        assert cfg.optimizer._target_ == "torch.optim.Adam"
+        assert cfg.extraction.method == "dense"
+        assert cfg.trainer.max_steps == 17
+    cfg = config(f"recipe={recipe}", "loss=flatcad", "optimizer=muon")
+    assert plain(cfg.loss) == plain(config("loss=flatcad").loss)
+    assert cfg.optimizer._target_ == "jointsdf.optimizers.MuonAdam"
+
+
+@pytest.mark.parametrize("recipe", RECIPES)
+def test_recipe_writes_its_own_name_into_study_and_rows(recipe: str) -> None:
+    cfg = config(f"recipe={recipe}")
+    assert (cfg.recipe, cfg.study, cfg.variant) == (recipe, recipe, "base")
+
+
+def test_defaults() -> None:
+    cfg = config()
+    assert (cfg.recipe, cfg.head.name, cfg.shape, cfg.labels, cfg.resume) == (
+        "fast",
+        "siren",
+        "part_01",
+        "auto",
+        "auto",
+    )
+    assert plain(cfg.trunk) == {
+        "width": 256, "depth": 5, "omega": 30.0, "hidden_omega": 30.0, "tap": 3, "init": "siren"
+    }  # fmt: skip
+    assert cfg.data.cloud_size == 30_000
+    assert (cfg.extraction.resolution, cfg.extraction.method) == (256, "sparse")
+
+
+def test_recipe_paper_is_the_papers_training() -> None:
+    cfg = config("recipe=paper")
+    assert (cfg.optimizer._target_, cfg.optimizer.lr) == ("torch.optim.Adam", 5e-5)
+    assert cfg.trainer.max_steps == 10_000
+    assert cfg.trainer.clip == 10
+    assert (cfg.trainer.cosine, cfg.trainer.warmup, cfg.trainer.head_lr) == (False, 0, None)
+    counts = cfg.data.counts
+    assert (counts.manifold, counts.non_manifold, counts.shell) == (20_000, 20_000, 20_000)
+    assert (counts.balanced, counts.shell_offset) == (0, 0)
+    assert (cfg.data.cloud_size, cfg.data.label_fraction) == (30_000, 1)
+    assert cfg.trunk.hidden_omega == 1
+    assert plain(cfg.loss) == plain(config("loss=paper").loss)
+    assert cfg.extraction.resolution == 256
+
+
+def test_loss_paper() -> None:
+    loss = config("loss=paper").loss
+    assert plain(loss.weights) == {**WEIGHTS, "signed_distance": 0}
+    assert loss.terms.eikonal.form == "squared"
+    assert list(loss.terms.eikonal.on) == ["manifold", "non_manifold", "shell"]
+    assert loss.terms.weingarten.normalised is True
+    assert (loss.terms.weingarten.derivative, loss.terms.weingarten.spacing) == ("exact", 0.05)
+    assert loss.terms.sign_agnostic.alpha == 100
+    assert loss.schedules.weingarten.form == "constant"
+
+
+def test_loss_flatcad() -> None:
+    loss = config("loss=flatcad").loss
+    assert plain(loss.weights) == {**WEIGHTS, "signed_distance": 0}
+    assert loss.terms.eikonal.form == "abs"
+    assert list(loss.terms.eikonal.on) == ["manifold", "shell"]
+    assert loss.terms.weingarten.normalised is False
+    assert loss.schedules.weingarten.form == "linear"
+    decay = [(share, 10 * factor) for share, factor in loss.schedules.weingarten.knots]
+    assert decay == [(0, 10), (0.2, 10), (0.5, pytest.approx(0.001)), (1, 0)]
+
+
+def test_loss_joint_is_flatcads_forms_divided_and_with_exact_distances() -> None:
+    joint, flatcad = plain(config("loss=joint").loss), plain(config("loss=flatcad").loss)
+    assert joint["weights"]["signed_distance"] == 7000
+    assert joint["terms"]["weingarten"]["normalised"] is True
+    joint["weights"]["signed_distance"] = 0
+    joint["terms"]["weingarten"]["normalised"] = False
+    assert joint == flatcad
+    assert config("recipe=fast").data.counts.pool == 2000
+
+
+def test_points_uses_points_and_labels_alone() -> None:
+    cfg = config("recipe=points")
+    assert cfg.loss.weights.signed_distance == 0
+    joint = plain(config("loss=joint").loss)
+    joint["weights"]["signed_distance"] = 0
+    assert plain(cfg.loss) == joint
+
+
+@pytest.mark.parametrize("recipe", ["fast", "smoke"])
+def test_recipes_with_the_mesh_use_the_joint_loss(recipe: str) -> None:
+    assert plain(config(f"recipe={recipe}").loss) == plain(config("loss=joint").loss)
+
+
+def test_heads_have_the_methods_sizes() -> None:
+    heads = {name: plain(config(f"head={name}").head) for name in HEADS}
+    assert heads == {
+        "relu": {"name": "relu", "widths": [256, 128], "dropout": 0.2},
+        "siren": {"name": "siren", "widths": [256, 128], "omega": 30},
+        "hybrid": {"name": "hybrid", "widths": [256, 128], "omega": 30, "dropout": 0.2},
+        "deep_skip": {"name": "deep_skip", "widths": [256, 256, 256, 128], "omega": 30},
+        "none": {"name": "none"},
+    }
+
+
+def test_evaluation_protocols() -> None:
+    evaluation = config().evaluation
+    unit, flatcad = evaluation.protocols.unit, evaluation.protocols.flatcad
+    assert evaluation.primary == "unit"
+    assert (unit.points, unit.frame) == (30_000, "truth")
+    assert (flatcad.points, flatcad.frame) == (100_000, "own")
+    assert (unit.metrics.normal_consistency.form, flatcad.metrics.normal_consistency.form) == ("cosine", "axes")
+    for protocol in (unit, flatcad):
+        assert protocol.metrics.f_score.threshold == 0.005
+        assert (protocol.metrics.consistency.neighbours, protocol.metrics.consistency.anchors) == (10, 1000)
+        assert (protocol.metrics.boundary.spacing, protocol.metrics.boundary.tolerance) == (0.001, 0.01)

@@ -1,0 +1,244 @@
+"""The closed form against plain autograd, against finite differences, and against surfaces of known curvature."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+import torch
+from torch import Tensor
+
+from jointsdf.derivatives import (
+    Mixed,
+    autograd_gradient,
+    autograd_mixed,
+    gradient,
+    hessian_vector,
+    mixed_derivative,
+    mixed_stencil,
+    tangent_frame,
+    trace,
+)
+from jointsdf.trunk import SirenTrunk
+
+NETWORKS = [  # width, depth, omega, hidden_omega
+    (16, 1, 30.0, 30.0),
+    (16, 2, 30.0, 1.0),
+    (24, 3, 10.0, 30.0),
+    (32, 5, 30.0, 30.0),
+    (32, 5, 30.0, 1.0),
+    (8, 7, 5.0, 2.0),
+]
+Field = Callable[[Tensor], Tensor]
+
+
+def network(width: int, depth: int, omega: float, hidden_omega: float) -> SirenTrunk:
+    torch.manual_seed(width + depth)
+    trunk = SirenTrunk(width=width, depth=depth, omega=omega, hidden_omega=hidden_omega, tap=1).double()
+    torch.nn.init.uniform_(trunk.output.weight, -1, 1)
+    return trunk
+
+
+def value_of(trunk: SirenTrunk) -> Field:
+    """f in plain torch operations, apart from the code under test."""
+
+    def value(points: Tensor) -> Tensor:
+        hidden = points
+        for layer in trunk.sine_layers:
+            hidden = torch.sin(layer.omega * (hidden @ layer.linear.weight.T + layer.linear.bias))
+        return (hidden @ trunk.output.weight.T + trunk.output.bias)[:, 0]
+
+    return value
+
+
+def random_points(count: int = 40, seed: int = 3) -> tuple[Tensor, Tensor]:
+    generator = torch.Generator().manual_seed(seed)
+    points = torch.rand(count, 3, dtype=torch.float64, generator=generator) * 2.2 - 1.1
+    return points, torch.rand(count, dtype=torch.float64, generator=generator) * 2 * math.pi
+
+
+def frame_at(grad: Tensor, angles: Tensor) -> tuple[Tensor, Tensor]:
+    return tangent_frame(torch.nn.functional.normalize(grad.detach(), dim=-1), angles)
+
+
+def relative(a: Tensor, b: Tensor) -> float:
+    return ((a - b).norm() / b.norm()).item()
+
+
+def central(field: Field, points: Tensor, direction: Tensor, h: float = 2e-4) -> Tensor:
+    """Fourth-order central difference along a direction per point; of each component where the field has several."""
+    near = field(points + h * direction) - field(points - h * direction)
+    far = field(points + 2 * h * direction) - field(points - 2 * h * direction)
+    return (8 * near - far) / (12 * h)
+
+
+@pytest.mark.parametrize("sizes", NETWORKS, ids=str)
+def test_value_gradient_and_mixed_equal_autograd(sizes: tuple[int, int, float, float]) -> None:
+    trunk, (points, angles) = network(*sizes), random_points()
+    points.requires_grad_()
+    value = value_of(trunk)
+    sdf, grad, mixed = mixed_derivative(trunk.sine_layers, trunk.output, points.detach(), angles, Mixed())
+    expected_grad = autograd_gradient(value, points)
+    u, v = frame_at(expected_grad, angles)
+    assert relative(sdf, value(points)) < 1e-12
+    assert relative(grad, expected_grad) < 1e-10
+    assert relative(mixed, autograd_mixed(value, points, u, v)) < 1e-10
+
+
+@pytest.mark.parametrize("sizes", NETWORKS, ids=str)
+def test_parameter_gradients_equal_double_backward(sizes: tuple[int, int, float, float]) -> None:
+    """One backward through the closed form gives what two backwards through the oracle give."""
+    trunk, (points, angles) = network(*sizes), random_points()
+    points.requires_grad_()
+    generator = torch.Generator().manual_seed(0)
+    a, b, c = (torch.randn(s, dtype=torch.float64, generator=generator) for s in ((40,), (40, 3), (40,)))
+
+    def parameter_gradients(sdf: Tensor, grad: Tensor, mixed: Tensor) -> list[Tensor]:
+        loss = (a * sdf).sum() + (b * grad).sum() + (c * mixed.abs()).sum() + (mixed.abs() / grad.norm(dim=-1)).sum()
+        found = torch.autograd.grad(loss, list(trunk.parameters()))
+        assert all(g.norm() > 0 for g in found)
+        return list(found)
+
+    value = value_of(trunk)
+    expected_grad = autograd_gradient(value, points)
+    u, v = frame_at(expected_grad, angles)
+    oracle = parameter_gradients(value(points), expected_grad, autograd_mixed(value, points, u, v))
+    closed = mixed_derivative(trunk.sine_layers, trunk.output, points.detach(), angles, Mixed())
+    for found, expected in zip(parameter_gradients(*closed), oracle, strict=True):
+        assert relative(found, expected) < 1e-10
+
+
+@pytest.mark.parametrize("sizes", NETWORKS, ids=str)
+def test_gradient_and_hessian_vector_equal_finite_differences(sizes: tuple[int, int, float, float]) -> None:
+    trunk, (points, _) = network(*sizes), random_points()
+    value = value_of(trunk)
+
+    def closed_gradient(at: Tensor) -> Tensor:
+        return gradient(trunk.sine_layers, trunk.output, trace(trunk.sine_layers, trunk.output, at, with_cosines=True))[
+            0
+        ]
+
+    with torch.no_grad():
+        traced = trace(trunk.sine_layers, trunk.output, points, with_cosines=True)
+        grad, adjoints = gradient(trunk.sine_layers, trunk.output, traced)
+        differences = [central(value, points, axis.expand_as(points)) for axis in torch.eye(3, dtype=torch.float64)]
+        assert relative(grad, torch.stack(differences, -1)) < 1e-6
+        tangents = torch.randn(40, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
+        found = hessian_vector(trunk.sine_layers, traced, adjoints, tangents)
+        assert relative(found, central(closed_gradient, points, tangents)) < 1e-5
+
+
+def test_hessian_is_symmetric() -> None:
+    trunk, (points, _) = network(32, 5, 30.0, 30.0), random_points()
+    traced = trace(trunk.sine_layers, trunk.output, points, with_cosines=True)
+    _, adjoints = gradient(trunk.sine_layers, trunk.output, traced)
+    rows = [
+        hessian_vector(trunk.sine_layers, traced, adjoints, axis.expand_as(points).contiguous())
+        for axis in torch.eye(3, dtype=torch.float64)
+    ]
+    hessian = torch.stack(rows, 1)
+    assert relative(hessian, hessian.transpose(1, 2)) < 1e-12
+
+
+def test_values_without_derivatives_are_the_same_and_keep_no_cosines() -> None:
+    trunk, (points, _) = network(32, 5, 30.0, 30.0), random_points()
+    plain = trace(trunk.sine_layers, trunk.output, points, with_cosines=False)
+    full = trace(trunk.sine_layers, trunk.output, points, with_cosines=True)
+    assert plain.cosines == []
+    torch.testing.assert_close(plain.sdf, full.sdf, rtol=0, atol=0)
+    for sine, cosine in zip(full.sines, full.cosines, strict=True):
+        torch.testing.assert_close(sine**2 + cosine**2, torch.ones_like(sine), rtol=0, atol=1e-12)
+
+
+def test_stencil_in_the_network_converges_to_the_exact_derivative_at_second_order() -> None:
+    trunk, (points, angles) = network(32, 3, 5.0, 30.0), random_points()
+    run = [
+        mixed_derivative(trunk.sine_layers, trunk.output, points, angles, how)[2]
+        for how in (Mixed(), Mixed("finite_difference", 2e-3), Mixed("finite_difference", 1e-3))
+    ]
+    coarse, fine = relative(run[1], run[0]), relative(run[2], run[0])
+    assert fine < 1e-3
+    assert coarse / fine == pytest.approx(4, rel=0.02)
+
+
+NORMALS = torch.tensor(
+    [[0, 0, 1], [0, 0, -1], [1, 0, 0], [0, -1, 0], [1, 0, -0.0], [1e-9, -1e-9, -1], [1e-9, 1e-9, 1]],
+    dtype=torch.float64,
+)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_tangent_frame_is_orthonormal_everywhere(dtype: torch.dtype) -> None:
+    random = torch.randn(2000, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    normals = torch.nn.functional.normalize(torch.cat([NORMALS, random]), dim=-1).to(dtype)
+    angles = torch.linspace(0, 7, len(normals), dtype=dtype)
+    u, v = tangent_frame(normals, angles)
+    frames = torch.stack([u, v, normals], 1)
+    tolerance = 20 * torch.finfo(dtype).eps
+    torch.testing.assert_close(
+        frames @ frames.transpose(1, 2), torch.eye(3, dtype=dtype).expand_as(frames), rtol=0, atol=tolerance
+    )
+    torch.testing.assert_close(torch.cross(u, v, dim=-1), normals, rtol=0, atol=tolerance)
+
+
+def test_tangent_frame_turns_about_the_normal_by_the_angle() -> None:
+    normals = torch.nn.functional.normalize(NORMALS, dim=-1)
+    angles = torch.linspace(-3, 3, len(normals), dtype=torch.float64)
+    u0, v0 = tangent_frame(normals, torch.zeros_like(angles))
+    u, v = tangent_frame(normals, angles)
+    torch.testing.assert_close(u, angles.cos()[:, None] * u0 + angles.sin()[:, None] * v0, rtol=0, atol=1e-15)
+    torch.testing.assert_close(v, angles.cos()[:, None] * v0 - angles.sin()[:, None] * u0, rtol=0, atol=1e-15)
+
+
+def sphere(points: Tensor) -> Tensor:
+    return points.norm(dim=-1) - 0.4
+
+
+def plane(points: Tensor) -> Tensor:
+    """Planes as level sets; not linear, so that the Hessian is not zero everywhere."""
+    return torch.sinh(points @ torch.tensor([0.6, 0.0, 0.8], dtype=points.dtype) - 0.1)
+
+
+def cylinder(points: Tensor) -> Tensor:
+    return points[:, :2].norm(dim=-1) - 0.4
+
+
+@pytest.mark.parametrize("field", [sphere, plane])
+def test_flat_and_umbilic_surfaces_give_zero_in_every_frame(field: Field) -> None:
+    points, angles = random_points()
+    points.requires_grad_()
+    u, v = frame_at(autograd_gradient(field, points), angles)
+    zeros = torch.zeros(len(points), dtype=torch.float64)
+    torch.testing.assert_close(autograd_mixed(field, points, u, v), zeros, rtol=0, atol=1e-12)
+    torch.testing.assert_close(mixed_stencil(field, points, u, v, 0.05), zeros, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 4, 1.2, math.pi / 2])
+@pytest.mark.parametrize("radius", [0.2, 0.4, 0.9])
+def test_cylinder_gives_sine_cosine_over_radius(angle: float, radius: float) -> None:
+    turn = torch.linspace(0, 6, 20, dtype=torch.float64)
+    outward = torch.stack([turn.cos(), turn.sin(), torch.zeros_like(turn)], -1)
+    around = torch.stack([-turn.sin(), turn.cos(), torch.zeros_like(turn)], -1)
+    along = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64).expand_as(outward)
+    points = (radius * outward + 0.3 * along).requires_grad_()
+    u = math.cos(angle) * along + math.sin(angle) * around
+    v = math.cos(angle) * around - math.sin(angle) * along
+    expected = torch.full_like(turn, math.sin(angle) * math.cos(angle) / radius)
+    torch.testing.assert_close(autograd_mixed(cylinder, points, u, v), expected, rtol=0, atol=1e-12)
+    torch.testing.assert_close(mixed_stencil(cylinder, points, u, v, 1e-3), expected, rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.parametrize("spacing", [0.05, 0.5])
+def test_stencil_is_exact_for_cubics(spacing: float) -> None:
+    generator = torch.Generator().manual_seed(0)
+    cubic = torch.randn(3, 3, 3, dtype=torch.float64, generator=generator)
+    square = torch.randn(3, 3, dtype=torch.float64, generator=generator)
+
+    def polynomial(x: Tensor) -> Tensor:
+        return torch.einsum("ijk,ni,nj,nk->n", cubic, x, x, x) + torch.einsum("ij,ni,nj->n", square, x, x) + x[:, 0] + 2
+
+    points, _ = random_points()
+    u, v = torch.randn(2, len(points), 3, dtype=torch.float64, generator=generator)
+    orders = ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))
+    expected = sum(torch.einsum("ijk,ni,nj,nk->n", cubic.permute(p), points, u, v) for p in orders)
+    expected = expected + torch.einsum("ij,ni,nj->n", square + square.T, u, v)
+    torch.testing.assert_close(mixed_stencil(polynomial, points, u, v, spacing), expected, rtol=0, atol=1e-10)

@@ -1,0 +1,90 @@
+"""Sine layers and starting values against SIREN's theory and plain torch."""
+
+import math
+
+import pytest
+import torch
+from torch import nn
+
+from jointsdf.layers import SineLayer, classifier, hidden_sine, kaiming, sine_cosine
+
+
+def fills(parameter: torch.Tensor, bound: float) -> bool:
+    """Whether values look uniform in +-bound: all inside, the extremes near it, the variance bound^2 / 3."""
+    inside = parameter.abs().max() <= bound * (1 + 1e-6)
+    second_moment = parameter.double().square().mean() / (bound**2 / 3)
+    return bool(
+        inside and parameter.max() > 0.9 * bound and parameter.min() < -0.9 * bound and abs(second_moment - 1) < 0.15
+    )
+
+
+def test_sine_cosine_values() -> None:
+    argument = torch.linspace(-50, 50, 1001, dtype=torch.float64)
+    sine, cosine = sine_cosine(argument)
+    torch.testing.assert_close(sine, argument.sin(), rtol=0, atol=0)
+    torch.testing.assert_close(cosine, argument.cos(), rtol=0, atol=0)
+
+
+def test_sine_cosine_first_and_second_derivatives() -> None:
+    argument = torch.linspace(-4, 4, 12, dtype=torch.float64).reshape(3, 4).requires_grad_()
+    assert torch.autograd.gradcheck(sine_cosine, (argument,))
+    assert torch.autograd.gradgradcheck(sine_cosine, (argument,))
+
+
+def test_sine_cosine_third_derivative() -> None:
+    x = torch.linspace(-3, 3, 7, dtype=torch.float64, requires_grad=True)
+    value = sine_cosine(x)[0] + 2 * sine_cosine(x)[1]
+    for expected in (x.cos() - 2 * x.sin(), -x.sin() - 2 * x.cos(), -x.cos() + 2 * x.sin()):
+        (value,) = torch.autograd.grad(value.sum(), x, create_graph=True)
+        torch.testing.assert_close(value, expected, rtol=0, atol=1e-14)
+
+
+def test_sine_layer_multiplies_weights_and_bias_by_omega() -> None:
+    layer = SineLayer(3, 5, omega=7.0, weight_bound=0.4).double()
+    points = torch.randn(6, 3, dtype=torch.float64)
+    expected = torch.sin(7.0 * (points @ layer.linear.weight.T + layer.linear.bias))
+    torch.testing.assert_close(layer(points), expected, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("omega", [1.0, 15.0, 30.0])
+def test_hidden_layer_starts_in_bounds_divided_by_omega(omega: float) -> None:
+    torch.manual_seed(0)
+    layer = hidden_sine(256, 256, omega=omega)
+    assert fills(layer.linear.weight, math.sqrt(6 / 256) / omega)
+    assert fills(layer.linear.bias, 1 / 16 / omega)
+
+
+def test_bias_bound_is_one_over_root_of_the_inputs() -> None:
+    torch.manual_seed(0)
+    layer = SineLayer(9, 4000, omega=30.0, weight_bound=1 / 3)
+    assert fills(layer.linear.weight, 1 / 3)
+    assert fills(layer.linear.bias, 1 / 3)
+
+
+def test_classifier_starts_in_a_thousandth() -> None:
+    torch.manual_seed(0)
+    layer = classifier(128, 40)
+    assert fills(layer.weight, 1e-3)
+    assert 5e-4 < layer.bias.abs().max() <= 1e-3
+
+
+def test_kaiming_layer() -> None:
+    torch.manual_seed(0)
+    layer = kaiming(259, 256)
+    assert fills(layer.weight, math.sqrt(6 / 259))
+    assert layer.bias.abs().max() <= 1 / math.sqrt(259)
+
+
+def test_activations_keep_siren_distribution_through_the_layers() -> None:
+    """With a ~ N(0, s): E[sin^2 a] = (1 - exp(-2 s)) / 2, and s of the next layer is 2 E[sin^2 a] + 1 / (3 n)."""
+    torch.manual_seed(0)
+    width = 256
+    layers: list[nn.Module] = [SineLayer(3, width, omega=30.0, weight_bound=1 / 3)]
+    layers += [hidden_sine(width, width, omega=30.0) for _ in range(4)]
+    hidden = torch.rand(4000, 3) * 2.2 - 1.1
+    power = 0.5  # the first layer's argument spans many periods: arcsine-distributed
+    for index, layer in enumerate(layers):
+        hidden = layer(hidden).detach()
+        assert hidden.square().mean().item() == pytest.approx(power, rel=0.1), f"layer {index}"
+        assert abs(hidden.mean().item()) < 0.05
+        power = (1 - math.exp(-2 * (2 * power + 1 / (3 * width)))) / 2
