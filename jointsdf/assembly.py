@@ -82,6 +82,8 @@ def load_shape(cfg: DictConfig) -> Shape:
         abc_root=cfg.paths.abc_root,
         abc_missing=cfg.paths.abc_missing,
         segmented=cfg.head.name != "none",
+        step_tolerance=cfg.tessellation.tolerance,
+        step_angle=cfg.tessellation.angle,
     )
 
 

@@ -96,6 +96,7 @@ def _in_six(
     centre = first_centre + np.arange(len(faces))
     triangles, owners = [], []
     for i in range(3):
-        triangles += [np.stack([faces[:, i], cuts[:, i], centre], 1), np.stack([cuts[:, i - 1], faces[:, i], centre], 1)]
+        for corners in ((faces[:, i], cuts[:, i], centre), (cuts[:, i - 1], faces[:, i], centre)):
+            triangles.append(np.stack(corners, axis=1))
         owners += [labels[:, i], labels[:, i]]
     return np.concatenate(triangles), np.concatenate(owners)

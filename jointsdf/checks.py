@@ -28,6 +28,8 @@ NUMBERS = {
     "data.label_fraction": (0.0, 1.0),
     "data.counts.balanced": (0.0, 1.0),
     "data.counts.shell_offset": (0.0, 1.0),
+    "tessellation.tolerance": (1e-6, 0.1),
+    "tessellation.angle": (1e-3, 1.0),
     "trainer.clip": (1e-12, math.inf),
     "trainer.warmup": (0.0, 1.0),
     "trainer.checkpoint_seconds": (0.0, math.inf),

@@ -13,7 +13,7 @@ from jointsdf.values import InputError
 CONFIG, CHECKPOINT, BOARD = "config.yaml", "last.ckpt", "tb"
 
 # What decides the numbers of a run; everything else in the config is where and how it runs.
-NUMBERS = ("seed", "data", "trunk", "head", "loss", "optimizer", "trainer", "extraction", "evaluation")
+NUMBERS = ("seed", "tessellation", "data", "trunk", "head", "loss", "optimizer", "trainer", "extraction", "evaluation")
 MACHINE = ("accelerator", "checkpoint_seconds", "log_every", "preview_every", "preview_resolution", "workers")
 
 

@@ -27,7 +27,9 @@ def octant(points: ndarray) -> ndarray:
 
 
 def test_split_keeps_the_surface_and_closes_it(sphere: trimesh.Trimesh) -> None:
-    vertices, faces, labels = split(sphere.vertices.view(ndarray), sphere.faces.view(ndarray), octant(sphere.vertices), octant)
+    vertices, faces, labels = split(
+        sphere.vertices.view(ndarray), sphere.faces.view(ndarray), octant(sphere.vertices), octant
+    )
     cut = trimesh.Trimesh(vertices, faces, process=False)
     assert cut.is_watertight and cut.is_winding_consistent and cut.euler_number == 2
     assert cut.area == pytest.approx(sphere.area, rel=1e-12)

@@ -58,7 +58,7 @@ BAD_MESHES: dict[str, tuple[str, bytes | str, str]] = {
     "empty ply": ("a.ply", "", "is empty"),
     "empty stl": ("a.stl", b"", "is empty"),
     "blank obj": ("a.obj", "\n\n", "is empty"),
-    "unknown format": ("a.step", "ISO-10303-21;", "use one of ply, obj, stl, off, glb"),
+    "unknown format": ("a.igs", "ISO-10303-21;", "use one of ply, obj, stl, off, glb"),
     "no format": ("a.", "x", "use one of ply"),
     "words, not a ply": ("a.ply", "hello", "cannot be read as ply"),
     "noise, not an stl": ("a.stl", bytes(range(256)) * 3, "cannot be read as stl"),

@@ -45,7 +45,8 @@ class Schedule:
             return float(self.knots[0][1])
         for (start, before), (end, after) in pairwise(self.knots):
             if share < end:
-                return float(before + (after - before) * self._progress((share - start) / (end - start)))
+                progress = self._progress((share - start) / (end - start))
+                return float((1 - progress) * before + progress * after)
         return float(self.knots[-1][1])
 
     def _progress(self, s: float) -> float:
