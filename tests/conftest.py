@@ -14,6 +14,7 @@ from jointsdf.values import LabelledMesh, Normalisation, Shape
 BOX_EXTENTS = np.array([40.0, 24.0, 16.0])  # file units
 BOX_CENTRE = np.array([5.0, -3.0, 11.0])
 BOX_PARTS = (3, 7, 12, 40)  # original ids, not contiguous
+torch.set_num_threads(1)  # small tensors: two threads wait for each other, the longer the busier the machine
 KNOBS: dict[str, dict[str, object]] = {  # of small heads
     "relu": {"widths": [16, 8], "dropout": 0.2},
     "siren": {"widths": [16, 8], "omega": 30.0},
