@@ -16,7 +16,8 @@ from jointsdf.data import network_distance
 from jointsdf.evaluation import evaluate
 from jointsdf.fitting import board_of, fit, save_field
 from jointsdf.machine import peak_memory_mb, reset_peak_memory
-from jointsdf.results import ResultRow, config_hash, provenance, write_row
+from jointsdf.provenance import code_state, provenance
+from jointsdf.results import ResultRow, config_hash, write_row
 from jointsdf.trunk import JointField
 from jointsdf.values import InputError, LabelledMesh, Normalisation, Shape
 from jointsdf.viewing.export import write_mesh
@@ -51,6 +52,7 @@ def run(cfg: DictConfig) -> ResultRow:
     """
     watch = Stopwatch()
     reset_peak_memory()
+    code_state()
     with watch("load"):
         assembly.checked(cfg)
         shape = assembly.load_shape(cfg)

@@ -7,12 +7,8 @@ import hashlib
 import json
 import math
 import os
-import platform
-import subprocess
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from typing import Any, NoReturn, get_origin
 
@@ -20,8 +16,6 @@ import numpy as np
 
 SCHEMA = 1
 ROW_FILE = "result.json"
-LIBRARIES = ("torch", "lightning", "numpy", "scipy", "trimesh", "libigl", "scikit-image")
-UNKNOWN = "unknown"
 Fact = str | int | float | bool | dict[str, Any]
 
 
@@ -43,7 +37,7 @@ class ResultRow:
         seconds: Wall-clock of each stage, e.g. `load`, `fit`, `extract`, `evaluate`, `total`.
         peak_memory_mb: Largest memory of the run, MiB.
         scores: Evaluation protocol -> metric -> value.
-        provenance: Where the numbers come from; see `provenance`.
+        provenance: Where the numbers come from; see `provenance.py`.
         schema: Version of this layout.
     """
 
@@ -139,26 +133,6 @@ def config_hash(resolved: Mapping[str, Any]) -> str:
     return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 
 
-def provenance(*, config_hash: str, **facts: Fact) -> dict[str, Fact]:
-    """Collect what made a row: code, configuration, library versions, machine and date (UTC).
-
-    Args:
-        config_hash: From the function of that name.
-        **facts: What only the run knows: device, mesh_sha256, label_provider, ...
-    """
-    commit, dirty = _git_state(Path(__file__).parent)
-    return {
-        "commit": commit,
-        "dirty": dirty,
-        "config_hash": config_hash,
-        "python": platform.python_version(),
-        "versions": {name: _version(name) for name in LIBRARIES},
-        "machine": f"{platform.system()} {platform.machine()}, {_cpu_model()}, {os.cpu_count()} cores",
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        **facts,
-    }
-
-
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
@@ -198,35 +172,3 @@ def _row(content: Any) -> ResultRow:
 
 def _floats(values: dict[str, Any]) -> dict[str, float]:
     return {name: math.nan if value is None else float(value) for name, value in values.items()}
-
-
-def _git_state(folder: Path) -> tuple[str, bool | str]:
-    """Commit of the code in `folder` and whether it was changed since; unknown where git does not track it."""
-
-    def git(*arguments: str) -> str:
-        done = subprocess.run(
-            ["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=20, check=True
-        )
-        return done.stdout.strip()
-
-    try:
-        git("ls-files", "--error-unmatch", "results.py")  # an installed copy inside someone's repository is not it
-        return git("rev-parse", "HEAD"), bool(git("status", "--porcelain", "--", ".", "../conf"))
-    except (OSError, subprocess.SubprocessError):
-        return UNKNOWN, UNKNOWN
-
-
-def _version(distribution: str) -> str:
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return UNKNOWN
-
-
-def _cpu_model() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or UNKNOWN

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jointsdf import results
-from jointsdf.results import LIBRARIES, ResultRow, config_hash, provenance, read_row, read_rows, write_row
+from jointsdf.results import ResultRow, config_hash, read_row, read_rows, write_row
 
 ROW = ResultRow(
     study="fast",
@@ -144,49 +143,6 @@ def test_config_hash_is_the_sha256_of_canonical_json() -> None:
     assert config_hash(dict(reversed(config.items()))) == config_hash(config)
     assert config_hash({**config, "seed": 1}) != config_hash(config)
     assert config_hash({"on": ["a", "b"]}) != config_hash({"on": ["b", "a"]})
-
-
-def test_provenance_names_code_versions_and_machine() -> None:
-    facts = provenance(config_hash="0123456789abcdef", device="cpu", label_provider="brep")
-    assert facts["config_hash"] == "0123456789abcdef"
-    assert (facts["device"], facts["label_provider"]) == ("cpu", "brep")
-    versions = facts["versions"]
-    assert isinstance(versions, dict)
-    assert set(versions) == set(LIBRARIES)
-    assert versions["numpy"] == np.__version__
-    assert f"{os.cpu_count()} cores" in str(facts["machine"])
-    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00", str(facts["date"]))
-    assert json.loads(json.dumps(facts)) == facts
-
-
-def git(folder: Path, *arguments: str) -> str:
-    identity = ["-c", "user.name=t", "-c", "user.email=t@example.org"]
-    command = ["git", "-C", str(folder), *identity, *arguments]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
-
-
-def test_the_commit_is_of_tracked_code_and_says_when_code_changed(tmp_path: Path) -> None:
-    package = tmp_path / "package"
-    package.mkdir()
-    (tmp_path / "conf").mkdir()
-    (package / "results.py").write_text("")
-    assert results._git_state(package) == ("unknown", "unknown")  # no repository
-    git(tmp_path, "init", "-q")
-    git(tmp_path, "commit", "-q", "--allow-empty", "-m", "first")
-    assert results._git_state(package) == ("unknown", "unknown")  # somebody else's repository
-    git(tmp_path, "add", "package")
-    git(tmp_path, "commit", "-q", "-m", "second")
-    head = git(tmp_path, "rev-parse", "HEAD")
-    assert results._git_state(package) == (head, False)
-    (tmp_path / "notes.txt").write_text("not code")
-    assert results._git_state(package) == (head, False)
-    (tmp_path / "conf" / "new.yaml").write_text("a: 1")
-    assert results._git_state(package) == (head, True)
-
-
-def test_git_may_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", "")
-    assert provenance(config_hash="0")["commit"] == "unknown"
 
 
 @pytest.mark.parametrize("module", ["jointsdf.results", "jointsdf.study.tables", "jointsdf.study.__main__"])

@@ -1,0 +1,71 @@
+"""Where a row's numbers come from: code, configuration, library versions, machine and date. Imports no torch."""
+
+import os
+import platform
+import subprocess
+from datetime import UTC, datetime
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+from jointsdf.results import Fact
+
+LIBRARIES = ("torch", "lightning", "numpy", "scipy", "trimesh", "libigl", "scikit-image")
+UNKNOWN = "unknown"
+PACKAGE = Path(__file__).parent
+
+
+def provenance(*, config_hash: str, **facts: Fact) -> dict[str, Fact]:
+    """Collect what made a row: code, configuration, library versions, machine and date (UTC).
+
+    Args:
+        config_hash: From `results.config_hash`.
+        **facts: What only the run knows: device, mesh_sha256, label_provider, ...
+    """
+    commit, dirty = code_state()
+    return {
+        "commit": commit,
+        "dirty": dirty,
+        "config_hash": config_hash,
+        "python": platform.python_version(),
+        "versions": {name: _version(name) for name in LIBRARIES},
+        "machine": f"{platform.system()} {platform.machine()}, {_cpu_model()}, {os.cpu_count()} cores",
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        **facts,
+    }
+
+
+@cache
+def code_state(folder: Path = PACKAGE) -> tuple[str, bool | str]:
+    """Commit of the code in `folder` and whether it was changed since; unknown where git does not track it.
+
+    Asked once per process, at the start of its first run: what runs is what was loaded then, wherever the branch moves.
+    """
+
+    def git(*arguments: str) -> str:
+        done = subprocess.run(
+            ["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=20, check=True
+        )
+        return done.stdout.strip()
+
+    try:
+        git("ls-files", "--error-unmatch", "values.py")  # an installed copy inside someone's repository is not it
+        return git("rev-parse", "HEAD"), bool(git("status", "--porcelain", "--", ".", "../conf"))
+    except (OSError, subprocess.SubprocessError):
+        return UNKNOWN, UNKNOWN
+
+
+def _version(distribution: str) -> str:
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return UNKNOWN
+
+
+def _cpu_model() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or UNKNOWN
