@@ -8,7 +8,8 @@ from typing import Any
 
 import pandas as pd
 
-from jointsdf.results import UNKNOWN, ResultRow, write_atomically
+from jointsdf.provenance import UNKNOWN
+from jointsdf.results import ResultRow, write_atomically
 
 DEFAULT_PROTOCOL = "unit"
 RUN = ["study", "variant", "recipe", "protocol", "head", "shape", "seed"]
