@@ -10,7 +10,7 @@ STAMP := $(VENV)/.complete
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test lint train tables clean
+.PHONY: help setup demo test lint train tables abc clean
 
 help: ## List these commands
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' Makefile
@@ -35,6 +35,9 @@ train: setup ## One run or a sweep, e.g. make train ARGS="head=relu shape=part_0
 
 tables: setup ## Tables (.csv and .tex) of all runs below outputs/, in outputs/tables/
 	$(RUN) -m jointsdf.study tables $(ARGS)
+
+abc: setup ## The catalogue's ABC shapes into data/abc, from a download or ARGS="--from DIR"; ARGS=--help tells more
+	$(RUN) -m jointsdf.shapes.abc prepare $(ARGS)
 
 test: setup ## The whole test suite, slow tests included; ARGS="-m 'not slow'" leaves those out
 	$(RUN) -m pytest $(ARGS)

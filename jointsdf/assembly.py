@@ -79,6 +79,8 @@ def load_shape(cfg: DictConfig) -> Shape:
     return shapes.load(
         str(cfg.shape),
         labels=str(cfg.labels),
+        num_parts=cfg.get("num_parts"),
+        partfield_dir=cfg.get("partfield_dir"),
         abc_root=cfg.paths.abc_root,
         abc_missing=cfg.paths.abc_missing,
         segmented=cfg.head.name != "none",
@@ -99,6 +101,8 @@ def settings_of(cfg: DictConfig, shape: Shape) -> tuple[dict[str, Any], dict[str
     settings["shape"] = str(given.resolve()) if given.is_file() and shape.name != str(cfg.shape) else shape.name
     if Path(str(cfg.labels)).expanduser().is_file():
         settings["labels"] = str(Path(str(cfg.labels)).expanduser().resolve())
+    if settings["partfield_dir"] is not None:
+        settings["partfield_dir"] = str(Path(str(settings["partfield_dir"])).expanduser().resolve())
     settings["paths"]["abc_root"] = str(Path(cfg.paths.abc_root).expanduser().resolve())
     return settings, run_folder.identity(settings, **identity_of(shape))
 

@@ -44,6 +44,7 @@ OPTIONAL = {  # checked where the chosen group has them
     "trainer.head_lr": (0.0, 1e6),
     "loss.terms.sign_agnostic.alpha": (0.0, math.inf),
 }
+OPTIONAL_INTEGERS = {"num_parts": (2, MOST)}  # or null
 CHOICES = {"resume": ("auto", "never"), "trainer.accelerator": ("auto", "cpu", "gpu"), "force": (True, False)}
 NAMES = ("study", "variant", "recipe")
 
@@ -59,6 +60,9 @@ def check(settings: Mapping[str, Any]) -> None:
     """
     for key, (least, most) in INTEGERS.items():
         _check_number(key, _at(settings, key), least, most, whole=True)
+    for key, (least, most) in OPTIONAL_INTEGERS.items():
+        if _at(settings, key) is not None:
+            _check_number(key, _at(settings, key), least, most, whole=True)
     for key, (low, high) in number_keys(settings).items():
         _check_number(key, _at(settings, key), low, high, whole=False)
     for key, accepted in (CHOICES | {"evaluation.primary": tuple(settings["evaluation"]["protocols"])}).items():

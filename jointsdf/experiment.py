@@ -18,6 +18,7 @@ from jointsdf.fitting import board_of, fit, save_field
 from jointsdf.machine import peak_memory_mb, reset_peak_memory
 from jointsdf.provenance import code_state, provenance
 from jointsdf.results import ResultRow, config_hash, write_row
+from jointsdf.shapes.report import MeshReport, mesh_report
 from jointsdf.trunk import JointField
 from jointsdf.values import InputError, LabelledMesh, Normalisation, Shape
 from jointsdf.viewing.export import write_mesh
@@ -66,6 +67,8 @@ def run(cfg: DictConfig) -> ResultRow:
         torch.manual_seed(cfg.seed)
         measures = assembly.measures(cfg)
         data, module = assembly.build(cfg, shape)
+        report = mesh_report(shape, data.cloud.normalisation.scale, cfg.extraction.resolution)
+        report.log()
     run_folder.claim(folder, settings, numbers, resume=cfg.resume, force=cfg.force)
     log.info("%s", folder)
     preview = assembly.preview(cfg, shape, measures)
@@ -79,7 +82,7 @@ def run(cfg: DictConfig) -> ResultRow:
         scores = measure(measures, shape, mesh, data.cloud.normalisation)
     with watch("picture"):
         show(cfg, folder, shape, mesh, module.field, scores[cfg.evaluation.primary])
-    row = result_row(cfg, shape, module.field, mesh, scores, watch.seconds, config_hash(numbers), device)
+    row = result_row(cfg, shape, report, module.field, mesh, scores, watch.seconds, config_hash(numbers), device)
     write_row(folder, row)
     (folder / run_folder.CHECKPOINT).unlink(missing_ok=True)
     log.info(summary(row, cfg.evaluation.primary, folder))
@@ -109,6 +112,7 @@ def show(
 def result_row(
     cfg: DictConfig,
     shape: Shape,
+    report: MeshReport,
     field: JointField,
     mesh: LabelledMesh,
     scores: Scores,
@@ -133,6 +137,7 @@ def result_row(
             "vertices_pred": len(mesh.vertices),
             "parameters_trunk": sum(p.numel() for p in field.trunk.parameters()),
             "parameters_head": sum(p.numel() for p in field.head.parameters()),
+            **report.counts(),
         },
         seconds={stage: round(value, 3) for stage, value in seconds.items()}
         | {"total": round(sum(seconds.values()), 3)},
@@ -145,6 +150,7 @@ def result_row(
             mesh_sha256=shape.mesh_sha256,
             label_provider=shape.label_provider,
             resolution=cfg.extraction.resolution,
+            **report.facts(),
         ),
     )
 

@@ -79,8 +79,10 @@ class Shape:
         name: Catalogue name, or `<stem>-<6 hex digits of the mesh's sha256>` for a path. Names folders and rows.
         mesh: Ground truth in the file frame, original label ids. All labels are -1 where the shape has none.
         mesh_sha256: Of the mesh file's bytes (of the generated arrays for a built-in part).
-        label_provider: Where the labels came from, e.g. `file:labels.npy`, `brep`, `brep:merged<=18`, `builtin`, `none`.
+        label_provider: Where the labels came from, e.g. `file:labels.npy`, `brep`, `geometric:k=7`, `builtin`, `none`.
         watertight: Whether every edge has exactly two faces; if not, signs come from the winding number.
+        flipped: Number of the file's faces that were turned over.
+        dropped: Number of the file's faces that were left out: repeated, or without area.
     """
 
     name: str
@@ -88,6 +90,8 @@ class Shape:
     mesh_sha256: str
     label_provider: str
     watertight: bool
+    flipped: int = 0
+    dropped: int = 0
 
     @property
     def labels_sha256(self) -> str:

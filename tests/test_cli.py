@@ -51,6 +51,11 @@ def assert_one_line_error(answer, *named: str) -> None:
         ("shape=nowhere.stl", ["nowhere.stl", "not found"]),
         ("labels=nowhere.npy", ["nowhere.npy", "not found"]),
         ("labels=brp", ["brp", "brep"]),
+        ("labels=partfield", ["partfield_dir=", "github.com/nv-tlabs/PartField"]),
+        ("num_parts=1", ["num_parts=1", "at least 2"]),
+        ("num_parts=2.5", ["num_parts=2.5", "an integer"]),
+        ("num_parts=many", ["num_parts=many", "an integer"]),
+        ("num_parts=3", ["num_parts=3", "part_01 has its own labels", "labels=geometric"]),
         ("labels=none", ["part_01", "labels=", "head=none"]),
         ("paths.abc_missing=perhaps", ["perhaps", "fallback, error"]),
         ("data.counts.manifold=-5", ["data.counts.manifold=-5", "at least 1"]),
@@ -164,7 +169,7 @@ def test_a_bad_mesh_is_one_line_and_leaves_nothing(tmp_path, case):
 
 
 BAD_LABELS = {
-    "none beside the mesh": (None, "no part labels"),
+    "none wanted": (None, "no part labels"),
     "one part": (np.zeros(BOX_FACES, int), "only one part"),
     "wrong length": (np.arange(11), "has 11 labels, the mesh file has 12 faces"),
     "below -1": (np.arange(BOX_FACES) - 2, "holds -2"),
@@ -177,7 +182,7 @@ BAD_LABELS = {
 def test_bad_labels_are_one_line_and_leave_nothing(tmp_path, case):
     labels, named = BAD_LABELS[case]
     trimesh.creation.box((2, 3, 4)).export(tmp_path / "box.stl")
-    given = []
+    given = ["labels=none"]
     if labels is not None:
         np.save(tmp_path / "mine.npy", labels, allow_pickle=True)
         given = [f"labels={tmp_path / 'mine.npy'}"]
@@ -303,13 +308,15 @@ def process(tmp_path: Path, *overrides: str, **streams) -> subprocess.Popen:
 
 
 def test_off_a_terminal_it_is_quiet(tmp_path):
-    """The whole output of a process: the folder, then the result; nothing of the libraries, nothing twice."""
+    """The whole output of a process: the mesh, the folder, the result; nothing of the libraries, nothing twice."""
     with process(tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as run:
         lines = run.communicate()[0].splitlines()
     assert run.returncode == 0
-    assert len(lines) == 2, lines
-    assert lines[0] == str(tmp_path / "out" / PLACE)
-    assert lines[1].startswith("part_01 siren: cd_l1 ")
+    assert len(lines) == 8, lines
+    assert lines[0] == "part_01: 2940 faces, 1 component, watertight"
+    assert lines[5].startswith("part_01: its thinnest wall (6.77) is under 2 cells of the grid")
+    assert lines[6] == str(tmp_path / "out" / PLACE)
+    assert lines[7].startswith("part_01 siren: cd_l1 ")
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 

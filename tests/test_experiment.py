@@ -48,7 +48,8 @@ def test_the_row_says_everything():
     row = row_of(finished())
     assert (row["study"], row["variant"], row["recipe"], row["head"]) == ("smoke", "base", "smoke", "siren")
     assert (row["shape"], row["seed"], row["status"], row["steps"], row["num_parts"]) == ("part_01", 0, "ok", 4, 6)
-    assert row["counts"].keys() == {"faces_gt", "faces_pred", "vertices_pred", "parameters_trunk", "parameters_head"}
+    sizes = {"faces_gt", "faces_pred", "vertices_pred", "parameters_trunk", "parameters_head"}
+    assert row["counts"].keys() == sizes | {"components_gt", "flipped_gt", "dropped_gt"}
     assert row["counts"]["parameters_trunk"] == 264_449
     stages = {"load", "prepare", "fit", "extract", "evaluate", "picture"}
     assert row["seconds"].keys() == stages | {"total"}
@@ -72,6 +73,22 @@ def test_the_row_says_where_it_comes_from():
     assert (provenance["device"], provenance["label_provider"], provenance["resolution"]) == ("cpu", "builtin", 16)
     assert provenance["versions"]["torch"] == torch.__version__
     assert len(provenance["mesh_sha256"]) == 64
+    assert (provenance["watertight"], provenance["inside_solid"], provenance["near_contact"]) == (True, 0.0, 0.0)
+    assert 0 < provenance["thinnest_wall"] < provenance["grid_cell"], "16 points along an axis are too few"
+
+
+def test_the_mesh_is_reported_before_the_fit(tmp_path: Path) -> None:
+    answer = train(tmp_path, "labels=geometric", "num_parts=3", "loss.weights.eikonal=-1")
+    assert "thinnest wall" not in answer.text, "not before the config is known to be right"
+    answer = train(tmp_path, "labels=geometric", "num_parts=3")
+    assert answer.code == 0, answer.text
+    assert "part_01: 2940 faces, 1 component, watertight" in answer.text
+    assert "give extraction.resolution=" in answer.text
+    row = row_of(tmp_path / PLACE)
+    assert (row["num_parts"], row["provenance"]["label_provider"]) == (3, "geometric:k=3")
+    again = train(tmp_path, "labels=geometric", "num_parts=4")
+    assert again.code == 2
+    assert "holds another config: shape.labels_sha256" in again.text
 
 
 def test_the_mesh_files_agree():

@@ -128,14 +128,16 @@ def test_the_features_file_beside_an_abc_obj(tmp_path: Path) -> None:
 
 def test_which_labels_an_abc_obj_gets(tmp_path: Path) -> None:
     mesh = put(tmp_path, f"{ID}_trimesh_003.obj", OBJ)
-    assert load(mesh).label_provider == "none"
+    assert load(mesh).label_provider.startswith("geometric:")
+    assert load(mesh, labels="brep").label_provider == "none"
     with pytest.raises(InputError, match=r"labels=brep: .*patches.npy not found"):
         load(mesh, labels="brep", segmented=True)
     np.save(tmp_path / "patches.npy", np.arange(4))
     put(tmp_path, f"{ID}_features_003.yml", YML)
-    for labels in ("auto", "brep"):
-        shape = load(mesh, labels=labels, segmented=True)
-        assert (shape.label_provider, shape.mesh.labels.tolist()) == ("brep", [0, 1, 1, 0])
+    shape = load(mesh, labels="brep", segmented=True)
+    assert (shape.label_provider, shape.mesh.labels.tolist()) == ("brep", [0, 1, 1, 0])
+    atoms = load(mesh, num_parts=2, segmented=True)
+    assert (atoms.label_provider, atoms.mesh.labels.tolist()) == ("geometric:k=2", [1, 0, 0, 1])
     assert set(load(mesh, labels="none").mesh.labels) == {-1}
     np.save(tmp_path / "labels.npy", np.array([5, 5, 6, 6]))
     assert load(mesh).mesh.labels.tolist() == [5, 5, 6, 6]
@@ -156,7 +158,7 @@ def test_a_features_file_given_by_hand(tmp_path: Path, caplog: pytest.LogCapture
 @pytest.mark.parametrize(("model", "name"), [("00000655", "abc_0015"), ("00004807", "abc_0033")])
 def test_abc_as_it_is_distributed(model: str, name: str) -> None:
     path = next(RAW.glob(f"{model}_*_trimesh_*.obj"))
-    shape = load(path, segmented=True)
+    shape = load(path, labels="brep", segmented=True)
     assert (shape.label_provider, shape.watertight) == ("brep", True)
     known = trimesh.load(ABC / name / "mesh.ply", process=False)
     assert trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False).volume == pytest.approx(

@@ -1,7 +1,10 @@
+import csv
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -9,9 +12,9 @@ import trimesh
 from scipy.spatial.transform import Rotation
 from sklearn.metrics import adjusted_rand_score
 
+from jointsdf.shapes import abc, load
 from jointsdf.shapes import labels as part_labels
-from jointsdf.shapes import load
-from jointsdf.shapes.builtin import BUILTINS
+from jointsdf.shapes.builtin import BUILTINS, part_names
 from jointsdf.shapes.builtin.construction import Construction, box, rod
 from jointsdf.shapes.geometric import Hierarchy, hierarchy
 from jointsdf.shapes.labels import face_areas
@@ -21,6 +24,7 @@ from jointsdf.shapes.surroundings import surroundings
 from jointsdf.values import InputError, LabelledMesh
 
 COUNTS = (None, 2, 3, 7, 18, 40)
+CREASED = ["part_02", "part_05", "part_06", "part_08", "part_11", "part_12", "part_15", "part_41"]
 TURN = Rotation.from_euler("xyz", (0.3, -1.1, 2.0)).as_matrix()
 
 
@@ -30,6 +34,17 @@ def labelled(solid: trimesh.Trimesh) -> LabelledMesh:
 
 def bare(mesh: LabelledMesh) -> trimesh.Trimesh:
     return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+
+
+def refined(mesh: LabelledMesh) -> LabelledMesh:
+    """Each face as four, one after the other."""
+    ends = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    edges, middle = np.unique(ends, axis=0, return_inverse=True)
+    (a, b, c), (ab, bc, ca) = mesh.faces.T, middle.reshape(-1, 3).T + len(mesh.vertices)
+    faces = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
+    return LabelledMesh(
+        np.concatenate([mesh.vertices, mesh.vertices[edges].mean(axis=1)]), faces, np.repeat(mesh.labels, 4)
+    )
 
 
 def pieces_of(mesh: LabelledMesh, labels: np.ndarray) -> int:
@@ -70,7 +85,7 @@ def uneven() -> tuple[LabelledMesh, Hierarchy]:
 
 
 SOLIDS: dict[str, Callable[[], LabelledMesh]] = {
-    **BUILTINS,
+    **{name: BUILTINS[name] for name in ("part_01", "part_02", "part_05", "part_06", "part_21", "part_30")},
     "uneven": uneven_part,
     "ball": lambda: labelled(trimesh.creation.icosphere(3)),
     "ring": lambda: labelled(trimesh.creation.torus(10, 2)),
@@ -95,19 +110,24 @@ def test_parts_are_connected_large_enough_nested_and_numbered_by_area(name: str)
     assert 2 <= tree.natural_parts <= 18
 
 
-@pytest.mark.parametrize(
-    ("name", "least"),
-    [("part_01", 0.85), ("part_02", 0.99), ("part_03", 0.7), ("part_04", 0.4), ("part_05", 0.9), ("part_06", 0.95)],
-)
-def test_parts_are_those_of_the_construction(name: str, least: float) -> None:
-    mesh = BUILTINS[name]()
-    truth = connected_parts(mesh)
-    assert agreement(truth, hierarchy(mesh, None).cut(int(truth.max()) + 1), mesh) > least
+@pytest.mark.parametrize("names", [CREASED, pytest.param(part_names(), marks=pytest.mark.slow)])
+def test_parts_are_those_of_the_construction(names: list[str]) -> None:
+    found = {}
+    for name in names:
+        mesh = BUILTINS[name]()
+        truth = connected_parts(mesh)
+        found[name] = agreement(truth, hierarchy(mesh, None).cut(int(truth.max()) + 1), mesh)
+    assert np.mean(list(found.values())) > 0.6
+    assert min(found[name] for name in CREASED) > 0.9
 
 
 def test_every_pair_of_construction_parts_comes_apart(uneven: tuple[LabelledMesh, Hierarchy]) -> None:
     mesh, tree = uneven
-    assert agreement(mesh.labels, tree.cut(5), mesh) > 0.99
+    without_hole = np.where(mesh.labels == 3, 0, mesh.labels)
+    assert adjusted_rand_score(without_hole, tree.cut(4)) == 1.0
+    hole, plate = (np.unique(tree.cut(7)[mesh.labels == part]) for part in (3, 0))
+    assert len(hole) == 1
+    assert hole[0] not in plate
 
 
 @pytest.mark.parametrize("count", COUNTS)
@@ -130,16 +150,14 @@ def test_same_parts_in_any_pose_and_unit(
     np.testing.assert_array_equal(hierarchy(moved, None).cut(count), tree.cut(count))
 
 
-@pytest.mark.parametrize("name", ["uneven", "part_01", "part_02", "part_05", "part_06"])
+@pytest.mark.parametrize("name", ["uneven", "part_01", "part_02", "part_06", "part_30"])
 def test_natural_parts_survive_remeshing(name: str) -> None:
     mesh = SOLIDS[name]()
-    coarse, fine = hierarchy(mesh, None), bare(mesh).subdivide()
-    refined = labelled(fine)
-    tree = hierarchy(refined, None)
-    assert abs(tree.natural_parts - coarse.natural_parts) <= 1
-    count = coarse.natural_parts
-    owner = trimesh.proximity.ProximityQuery(bare(mesh)).on_surface(refined.vertices[refined.faces].mean(axis=1))[2]
-    assert agreement(coarse.cut(count)[owner], tree.cut(count), refined) > 0.9
+    fine = refined(mesh)
+    before, after = hierarchy(mesh, None), hierarchy(fine, None)
+    count = before.natural_parts
+    assert abs(after.natural_parts - count) <= 1
+    assert agreement(np.repeat(before.cut(count), 4), after.cut(count), fine) > 0.95
 
 
 def test_smooth_bodies_are_split_into_like_pieces() -> None:
@@ -152,7 +170,9 @@ def test_smooth_bodies_are_split_into_like_pieces() -> None:
 
 
 def test_several_bodies() -> None:
-    parts = [trimesh.creation.icosphere(2, radius=r).apply_translation((x, 0, 0)) for r, x in ((3, 0), (2, 9), (0.1, 20))]
+    parts = [
+        trimesh.creation.icosphere(2, radius=r).apply_translation((x, 0, 0)) for r, x in ((3, 0), (2, 9), (0.1, 20))
+    ]
     mesh = labelled(trimesh.util.concatenate(parts))
     body = np.repeat([0, 1, 2], [len(part.faces) for part in parts])
     tree = hierarchy(mesh, None)
@@ -283,3 +303,28 @@ def test_hole_walls_are_parts_of_their_own() -> None:
     parts = hierarchy(mesh, None).cut(5)
     assert agreement(connected_parts(mesh), parts, mesh) > 0.99
     assert (hierarchy(mesh, None).cut(1) == 0).all()
+
+
+def test_a_body_too_small_to_measure_stays_whole() -> None:
+    speck = trimesh.creation.box().apply_scale(1e-11).apply_translation((5, 0, 0))
+    mesh = labelled(trimesh.util.concatenate([trimesh.creation.box(), speck]))
+    parts = hierarchy(mesh, None).cut(None)
+    assert len(np.unique(parts[12:])) == 1
+
+
+def test_benchmark_table_names_every_catalogue_shape_once() -> None:
+    text = resources.files("jointsdf.shapes").joinpath("benchmark.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(text.splitlines()))
+    assert [row["shape"] for row in rows] == list(abc.catalogue())
+    counts = [int(row["num_parts"]) for row in rows]
+    assert min(counts) >= 2
+    assert max(counts) == 18
+    assert len(set(counts)) >= 10, "spread over the whole range"
+
+
+def test_forty_thousand_faces_in_three_seconds() -> None:
+    mesh = refined(refined(refined(uneven_part())))
+    assert len(mesh.faces) > 40_000
+    begin = process_time()
+    hierarchy(mesh, None)
+    assert process_time() - begin < 3.0

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jointsdf.shapes.labels import border_lengths, face_areas, merged, numbered_by_area, read
+from jointsdf.shapes.labels import face_areas, numbered_by_area, read
 from jointsdf.values import InputError, LabelledMesh
 
 
@@ -21,66 +21,15 @@ def per_rectangle(labels: np.ndarray) -> list[int]:
     return labels[::2].tolist()
 
 
-def test_areas_and_border_lengths_of_a_strip() -> None:
+def test_areas_of_a_strip() -> None:
     mesh = strip([2, 1, 4, 3], [7, 5, 5, -1], height=3.0)
     np.testing.assert_allclose(face_areas(mesh), [3, 3, 1.5, 1.5, 6, 6, 4.5, 4.5])
-    np.testing.assert_allclose(border_lengths(mesh), [[0, 3], [3, 0]])
-
-
-def test_border_of_a_cube_is_each_edge_once() -> None:
-    corners = np.array([[x, y, z] for x in (0.0, 2) for y in (0.0, 2) for z in (0.0, 2)])
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
-    lengths = border_lengths(LabelledMesh(corners, faces, np.repeat(np.arange(6), 2)))
-    opposite = np.kron(np.eye(3), np.ones((2, 2)))
-    np.testing.assert_allclose(lengths, 2.0 * (1 - opposite))
 
 
 def test_numbers_fall_with_area_and_keep_unlabelled() -> None:
     mesh = strip([1, 5, 2, 9, 3], [40, 3, -1, 11, 3])
     assert per_rectangle(numbered_by_area(mesh)) == [2, 1, -1, 0, 1]
     assert per_rectangle(numbered_by_area(strip([1, 2], [-1, -1]))) == [-1, -1]
-
-
-def test_smallest_part_goes_to_its_longest_border() -> None:
-    # A 1 x 1 square (label 9) above the joint of a 3 x 1 and a 2 x 1 rectangle: borders 0.7 and 0.3 long.
-    vertices = np.array(
-        [[0, 0, 0], [3, 0, 0], [5, 0, 0], [0, 1, 0], [2.3, 1, 0], [3, 1, 0], [3.3, 1, 0], [5, 1, 0], [2.3, 2, 0],
-         [3.3, 2, 0]], dtype=float)  # fmt: skip
-    faces = np.array(
-        [[0, 1, 3], [1, 4, 3], [1, 5, 4], [1, 2, 5], [2, 6, 5], [2, 7, 6], [4, 5, 8], [5, 9, 8], [5, 6, 9]]
-    )
-    mesh = LabelledMesh(vertices, faces, np.array([4, 4, 4, 2, 2, 2, 9, 9, 9]))
-    np.testing.assert_allclose(border_lengths(mesh), [[0, 1, 0.3], [1, 0, 0.7], [0.3, 0.7, 0]])
-    assert merged(mesh, 2).tolist() == [0, 0, 0, 1, 1, 1, 0, 0, 0]
-
-
-def test_merging_chains_through_merged_parts() -> None:
-    # Areas 1, 2, 4, 9: the first joins the second, and the pair of area 3 is then the smallest and joins the third.
-    mesh = strip([1, 2, 4, 9], [3, 0, 1, 2])
-    assert per_rectangle(merged(mesh, 3)) == [2, 2, 1, 0]
-    assert per_rectangle(merged(mesh, 2)) == [1, 1, 1, 0]
-    assert per_rectangle(merged(mesh, 1)) == [0, 0, 0, 0]
-    assert per_rectangle(merged(mesh, 18)) == [3, 2, 1, 0]
-
-
-def test_part_without_neighbour_goes_last_and_to_the_nearest() -> None:
-    mesh = strip([5, 1, 1.5, 6.5, 0.5, 1, 7], [0, 1, -1, 3, -1, 5, -1])  # 1 touches 0; 3 and 5 touch nothing
-    assert per_rectangle(merged(mesh, 3)) == [1, 1, -1, 0, -1, 2, -1]
-    assert per_rectangle(merged(mesh, 2)) == [1, 1, -1, 0, -1, 0, -1]
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_merging_random_strips_keeps_parts_whole(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    mesh = strip(list(rng.uniform(0.1, 3, 60)), list(rng.integers(-1, 30, 60)))
-    labels = merged(mesh, 7)
-    assert sorted(set(labels.tolist()) - {-1}) == list(range(7))
-    np.testing.assert_array_equal(labels == -1, mesh.labels == -1)
-    for part in mesh.part_ids:
-        assert len(set(labels[mesh.labels == part].tolist())) == 1
-    areas = np.bincount(labels[labels >= 0], face_areas(mesh)[labels >= 0])
-    assert (np.diff(areas) <= 0).all()
 
 
 @pytest.mark.parametrize("dtype", [np.int8, np.int32, np.int64, np.uint16, ">i4"])
@@ -135,3 +84,44 @@ def test_an_archive_of_arrays_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "labels.npz", np.arange(12))
     with pytest.raises(InputError, match=r"no \.npy"):
         read(tmp_path / "labels.npz", 12)
+
+
+@pytest.mark.parametrize("content", ["0\n120\n-1\n7\n", "\ufeff0\r\n120\r\n-1\r\n7", "  0\n+120 \n-1\n7\n\n\n"])
+def test_reads_one_integer_per_line_of_a_text(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "labels.TXT"
+    path.write_bytes(content.encode())
+    assert read(path, 4).tolist() == [0, 120, -1, 7]
+
+
+BAD_TEXTS = {
+    "empty": ("", "is empty"),
+    "blank": ("\n \n", "is empty"),
+    "floats": ("1\n2\n0.5\n3\n", "has '0.5' in line 3: write one integer per line"),
+    "round floats": ("1.0\n2.0\n3.0\n4.0\n", "has '1.0' in line 1"),
+    "two in a line": ("1 2\n3 4\n", "has '1 2' in line 1"),
+    "a gap": ("1\n\n2\n3\n", "has '' in line 2"),
+    "words": ("shaft\nflange\nshaft\nshaft\n", "has 'shaft' in line 1"),
+    "another mesh's": ("1\n2\n3\n", "has 3 labels, the mesh file has 4 faces"),
+    "below -1": ("1\n2\n-2\n4\n", "holds -2"),
+    "beyond 64 bits": ("1\n2\n3\n99999999999999999999\n", "line 4"),
+    "other digits": ("1\n2\n3\n\u0664\n", "line 4"),
+    "underscores": ("1\n2\n3\n1_0\n", "line 4"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_TEXTS)
+def test_bad_texts_are_one_line_that_names_the_file(tmp_path: Path, case: str) -> None:
+    content, message = BAD_TEXTS[case]
+    path = tmp_path / "labels.txt"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read(path, 4)
+    assert message in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_bytes_that_are_no_text(tmp_path: Path) -> None:
+    (tmp_path / "labels.txt").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="is no text"):
+        read(tmp_path / "labels.txt", 4)

@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ import pytest
 import trimesh
 
 from jointsdf import shapes
-from jointsdf.shapes import abc, file, repair
+from jointsdf.shapes import abc, file, providers, repair
 from jointsdf.values import InputError, Shape
+from jointsdf.viewing.export import write_mesh
 
 BOX = trimesh.creation.box((2.0, 3.0, 4.0), transform=trimesh.transformations.translation_matrix((5, 6, 7)))
 SIDES = np.unique(np.round(BOX.face_normals), axis=0, return_inverse=True)[1].ravel()
@@ -254,13 +256,13 @@ def test_name_of_a_path_is_safe_for_a_folder(tmp_path: Path, stem: str, name: st
 def test_providers_beside_a_mesh(tmp_path: Path) -> None:
     path = put(tmp_path, "a.ply", exported("ply"))
     with pytest.raises(InputError, match=r"no part labels: give labels=<file.npy>, or head=none"):
-        load(path, segmented=True)
-    assert load(path).label_provider == "none"
+        load(path, labels="none", segmented=True)
+    assert load(path).label_provider == load(path, labels="geometric").label_provider == "geometric:k=6"
     assert load(path, labels="brep").mesh.labels.tolist() == [-1] * 12
     with pytest.raises(InputError, match=r"patches.npy not found"):
         load(path, labels="brep", segmented=True)
     np.save(tmp_path / "patches.npy", np.arange(12) * 100)
-    patches = load(path, segmented=True)
+    patches = load(path, labels="brep", segmented=True)
     assert (patches.label_provider, patches.mesh.labels.tolist()) == ("brep", (np.arange(12) * 100).tolist())
     np.save(tmp_path / "labels.npy", SIDES)
     assert load(path).label_provider == "file:labels.npy"
@@ -276,12 +278,16 @@ def test_given_labels_are_never_merged(tmp_path: Path) -> None:
     sphere = trimesh.creation.icosphere(subdivisions=1)
     path = put(tmp_path, "a.ply", sphere.export(file_type="ply"))
     np.save(tmp_path / "patches.npy", np.arange(80))
-    assert len(load(path, segmented=True).mesh.part_ids) == 80
+    assert len(load(path, labels="brep", segmented=True).mesh.part_ids) == 80
 
 
 @pytest.mark.parametrize(
     ("labels", "message"),
-    [("no/such.npy", "labels file not found: no/such.npy"), ("brp", "one of auto, brep, none"), ("x.npy", "not found")],
+    [
+        ("no/such.npy", "labels file not found: no/such.npy"),
+        ("brp", "one of auto, geometric, partfield, brep, none"),
+        ("x.npy", "not found"),
+    ],
 )
 @pytest.mark.parametrize("shape", ["part_02", "file"])
 def test_unknown_labels_are_named(tmp_path: Path, shape: str, labels: str, message: str) -> None:
@@ -297,6 +303,9 @@ def test_built_in_takes_other_labels_by_file(tmp_path: Path) -> None:
     assert load("part_04", labels="none").mesh.part_ids.tolist() == []
     with pytest.raises(InputError, match="has its own labels"):
         load("part_04", labels="brep")
+    split = load("part_04", labels="geometric", num_parts=5)
+    assert (split.label_provider, split.mesh.part_ids.tolist()) == ("geometric:k=5", list(range(5)))
+    assert len(load("part_04", labels="geometric").mesh.part_ids) >= 2
 
 
 @pytest.mark.parametrize(
@@ -332,7 +341,7 @@ def test_missing_abc_mesh_can_be_forbidden(tmp_path: Path) -> None:
         load("abc_0001", abc_root=tmp_path, abc_missing="skip")
 
 
-def test_catalogue_shape_is_merged_under_auto_only(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_catalogue_shape_has_the_benchmarks_number_of_parts(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     sphere = trimesh.creation.icosphere(subdivisions=2)
     (tmp_path / "abc_0007").mkdir()
     path = put(tmp_path, "abc_0007/mesh.ply", sphere.export(file_type="ply"))
@@ -340,10 +349,13 @@ def test_catalogue_shape_is_merged_under_auto_only(tmp_path: Path, caplog: pytes
     shape = load("abc_0007", abc_root=tmp_path, segmented=True)
     assert f"sha256 {shape.mesh_sha256}" in caplog.text
     assert abc.catalogue()["abc_0007"].sha256 in caplog.text
-    assert (shape.name, shape.label_provider) == ("abc_0007", "brep:merged<=18")
-    assert shape.mesh.part_ids.tolist() == list(range(18))
+    count = providers.benchmark()["abc_0007"]
+    assert (shape.name, shape.label_provider) == ("abc_0007", f"geometric:k={count}")
+    assert shape.mesh.part_ids.tolist() == list(range(count))
+    assert load("abc_0007", abc_root=tmp_path, labels="geometric").label_provider == f"geometric:k={count}"
+    for many in (2, 5, 40):
+        assert load("abc_0007", abc_root=tmp_path, num_parts=many).mesh.part_ids.tolist() == list(range(many))
     assert len(load("abc_0007", abc_root=tmp_path, labels="brep").mesh.part_ids) == 80
-    assert len(load(path).mesh.part_ids) == 80
     np.save(path.with_name("labels.npy"), np.arange(320) // 5)
     assert len(load("abc_0007", abc_root=tmp_path).mesh.part_ids) == 64
 
@@ -354,17 +366,153 @@ def test_real_shape_loads_with_the_catalogue_facts(name: str, caplog: pytest.Log
     root = os.environ["JOINTSDF_ABC"]
     if not abc.mesh_path(name, root).is_file():
         pytest.skip(f"{name} is not under JOINTSDF_ABC")
-    patches = abc.catalogue()[name].patches
-    began = time.perf_counter()
-    shape = load(name, abc_root=root, segmented=patches >= 2)
-    assert time.perf_counter() - began < 2.0
+    began = time.process_time()
+    shape = load(name, abc_root=root, segmented=True)
+    assert time.process_time() - began < 3.0
     assert "sha256" not in caplog.text
     assert (shape.name, shape.mesh_sha256, shape.watertight) == (name, abc.catalogue()[name].sha256, True)
     assert signed_volume(shape) > 0
-    assert shape.mesh.part_ids.tolist() == list(range(min(patches, 18)))
-    if patches < 2:
-        with pytest.raises(InputError, match="head=none"):
-            load(name, abc_root=root, segmented=True)
+    assert shape.mesh.part_ids.tolist() == list(range(providers.benchmark()[name]))
+    assert shape.label_provider == f"geometric:k={len(shape.mesh.part_ids)}"
+
+
+def test_the_benchmark_has_a_number_for_each_catalogue_shape() -> None:
+    assert list(providers.benchmark()) == list(abc.catalogue())
+    assert all(2 <= count <= 18 for count in providers.benchmark().values())
+
+
+@pytest.mark.parametrize("count", [1, 0, -3])
+def test_fewer_than_two_parts_are_refused(tmp_path: Path, count: int) -> None:
+    path = put(tmp_path, "a.ply", exported("ply"))
+    for shape in (path, "part_01", "abc_0001"):
+        with pytest.raises(InputError, match=f"num_parts={count}: give an integer of at least 2"):
+            load(shape, num_parts=count)
+
+
+def test_more_parts_than_there_are_pieces_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"num_parts=1000000: this mesh can be cut into 1 to \d+ parts") as caught:
+        load(put(tmp_path, "a.ply", exported("ply")), num_parts=10**6)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("labels", ["mine.npy", "auto", "brep", "none", "part_01"])
+def test_a_number_of_parts_is_refused_where_there_is_no_choice(tmp_path: Path, labels: str) -> None:
+    path: Path | str = put(tmp_path, "a.ply", exported("ply"))
+    for name in ("labels.npy", "patches.npy", "mine.npy"):
+        np.save(tmp_path / name, SIDES)
+    if labels == "part_01":
+        path, labels = "part_01", "auto"
+    given = str(tmp_path / labels) if labels.endswith("npy") else labels
+    with pytest.raises(InputError, match=r"num_parts=3: .*; leave num_parts out, or give labels=geometric"):
+        load(path, labels=given, num_parts=3)
+
+
+def test_repeated_faces_are_dropped_with_their_labels(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    lines = OBJ.splitlines(keepends=True)
+    path = put(tmp_path, "a.obj", "".join([*lines, "f 3 2 1\n", lines[5], "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 5 7 6\n"]))
+    np.save(tmp_path / "labels.npy", np.array([9, 5, 8, 2, 9, 1, 7]))
+    shape = load(path)
+    assert "3 repeated faces dropped with their labels" in caplog.text
+    assert (shape.watertight, shape.mesh.labels.tolist()) == (True, [9, 5, 8, 2])
+    assert signed_volume(shape) == pytest.approx(1 / 6)
+    assert (shape.flipped, shape.dropped) == (0, 3)
+
+
+def test_a_body_that_is_there_twice_is_kept_once(tmp_path: Path) -> None:
+    twice = trimesh.util.concatenate([BOX, BOX])
+    shape = load(put(tmp_path, "a.off", twice.export(file_type="off")))
+    assert (shape.watertight, len(shape.mesh.faces), len(shape.mesh.vertices)) == (True, 12, 8)
+
+
+def test_flipped_faces_are_counted(tmp_path: Path) -> None:
+    assert load(put(tmp_path, "a.ply", flipped(3)())).flipped == 3
+    assert load(put(tmp_path, "b.ply", flipped(12)())).flipped == 12
+    assert load(put(tmp_path, "c.ply", exported("ply"))).flipped == 0
+
+
+def painted(name: str = "label", values: np.ndarray | None = None, order: np.ndarray | None = None) -> str:
+    """The box as a text PLY with one value per face: a property, or three colours."""
+    order = np.arange(12) if order is None else order
+    values = SIDES if values is None else values
+    names = ("red", "green", "blue") if name == "colour" else (name,)
+    rows = np.column_stack([np.full(12, 3), BOX.faces, values])[order]
+    kind = "float" if values.dtype.kind == "f" else "int"
+    header = ["ply", "format ascii 1.0", "element vertex 8", *(f"property double {axis}" for axis in "xyz")]
+    header += ["element face 12", "property list uchar int vertex_indices"]
+    header += [f"property {'uchar' if name == 'colour' else kind} {column}" for column in names] + ["end_header"]
+    number = (lambda x: f"{x:.3f}") if kind == "float" else (lambda x: str(int(x)))
+    lines = [" ".join(map(repr, map(float, vertex))) for vertex in BOX.vertices]
+    lines += [" ".join([*(str(int(x)) for x in row[:4]), *map(number, row[4:])]) for row in rows]
+    return "\n".join([*header, *lines]) + "\n"
+
+
+def test_a_ply_holds_labels_for_its_faces(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = put(tmp_path, "a.stl", exported("stl"))
+    given = put(tmp_path, "b.ply", painted(values=SIDES * 100 - 1))
+    assert load(path, labels=str(given)).mesh.labels.tolist() == (SIDES * 100 - 1).tolist()
+    assert "another order" not in caplog.text
+    order = np.random.default_rng(0).permutation(12)
+    given.write_text(painted(values=SIDES * 100 - 1, order=order))
+    shape = load(path, labels=str(given))
+    assert (shape.label_provider, shape.mesh.labels.tolist()) == ("file:b.ply", (SIDES * 100 - 1).tolist())
+    assert "its faces are in another order" in caplog.text
+
+
+@pytest.mark.parametrize("exporter", ["text", "binary"])
+def test_face_colours_are_parts_by_falling_area(tmp_path: Path, exporter: str) -> None:
+    path = put(tmp_path, "a.ply", exported("ply"))
+    axes = np.abs(BOX.face_normals).argmax(axis=1)  # areas of the two sides along each axis: 24, 16, 12
+    colours = np.array([[9, 9, 200], [255, 0, 1], [255, 0, 0]], dtype=np.uint8)[axes]
+    if exporter == "text":
+        content: bytes | str = painted("colour", colours)
+    else:
+        coloured = trimesh.Trimesh(BOX.vertices, BOX.faces[::-1], process=False, face_colors=colours[::-1])
+        content = coloured.export(file_type="ply")
+    shape = load(path, labels=str(put(tmp_path, "b.ply", content)), segmented=True)
+    np.testing.assert_array_equal(shape.mesh.labels, axes)
+
+
+def test_our_own_painted_mesh_gives_its_labels_back(tmp_path: Path) -> None:
+    shape = load("part_07")
+    write_mesh(tmp_path, replace(shape.mesh, labels=shape.mesh.labels * 3 + 30))
+    again = load(tmp_path / "mesh.ply", labels=str(tmp_path / "mesh.ply"))
+    np.testing.assert_array_equal(again.mesh.labels, shape.mesh.labels * 3 + 30)
+
+
+BAD_PLY_LABELS: dict[str, tuple[bytes | str, str]] = {
+    "no colours": (exported("ply"), "has no part labels: it needs an integer face property label, or face colours"),
+    "floats": (painted(values=SIDES + 0.5), "must be an integer >= -1"),
+    "below -1": (painted(values=SIDES - 2), "must be an integer >= -1"),
+    "two faces fewer": (
+        painted().replace("element face 12", "element face 10").rsplit("\n", 3)[0] + "\n",
+        "has 10 faces, the mesh has 12: it is of another mesh",
+    ),
+    "another mesh": (painted().replace("6.0", "7.5"), "is of another mesh: of its 12 faces and the mesh's 12"),
+    "cut": (painted()[:-30], "truncated"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_PLY_LABELS)
+def test_bad_labels_in_a_ply_are_one_line_that_names_it(tmp_path: Path, case: str) -> None:
+    content, message = BAD_PLY_LABELS[case]
+    path, given = put(tmp_path, "a.ply", exported("ply")), put(tmp_path, "b.ply", content)
+    with pytest.raises(InputError) as caught:
+        load(path, labels=str(given))
+    assert message in str(caught.value)
+    assert str(given) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_non_manifold_edges_take_the_winding_number(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    fin = trimesh.Trimesh(
+        [*BOX.vertices, [9.0, 9, 9]], [*BOX.faces, [BOX.faces[0][0], BOX.faces[0][1], 8]], process=False
+    )
+    shape = load(put(tmp_path, "a.ply", fin.export(file_type="ply")))
+    assert not shape.watertight
+    assert (
+        "not watertight (3 of 20 edges do not have exactly two faces): the sign comes from the winding" in caplog.text
+    )
+    assert len(shape.mesh.part_ids) >= 2, "parts by geometry all the same"
 
 
 def test_file_reader_leaves_the_file_as_it_is(tmp_path: Path) -> None:

@@ -104,7 +104,7 @@ def test_box_keeps_the_units_of_its_file(unit: tuple[str, ...], metres: float) -
 @NEEDS_READER
 def test_bodies_that_touch_stay_closed_and_keep_their_faces(tmp_path: Path) -> None:
     path = put(tmp_path, "two boxes.STP", step_boxes(TOUCHING))
-    shape = load(path, segmented=True)
+    shape = load(path, labels="brep", segmented=True)
     assert shape.name == f"two_boxes-{hashlib.sha256(path.read_bytes()).hexdigest()[:6]}"
     assert shape.mesh_sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     assert (shape.watertight, shape.label_provider) == (True, "brep")
@@ -128,10 +128,12 @@ def test_which_labels_a_step_file_gets(tmp_path: Path, monkeypatch: pytest.Monke
     path = put(tmp_path, "box.step", step_boxes(ONE))
     mesh = step.read(path, path.read_bytes())
     monkeypatch.setattr(step, "read", lambda *_, **__: mesh)
-    for labels in ("auto", "brep"):
-        np.save(tmp_path / "patches.npy", np.zeros(12, dtype=int))
-        assert load(path, labels=labels).label_provider == "brep"
-        assert load(path, labels=labels).mesh.labels.tolist() == mesh.patches.tolist()
+    np.save(tmp_path / "patches.npy", np.zeros(12, dtype=int))
+    assert load(path, labels="brep").label_provider == "brep"
+    assert load(path, labels="brep").mesh.labels.tolist() == mesh.patches.tolist()
+    parts = load(path, labels="auto", num_parts=6)
+    assert parts.label_provider == "geometric:k=6"
+    assert len(set(zip(parts.mesh.labels.tolist(), mesh.patches.tolist(), strict=True))) == 6
     assert set(load(path, labels="none").mesh.labels) == {-1}
     np.save(tmp_path / "labels.npy", np.arange(12) + 5)
     assert load(path, labels="auto").label_provider == "file:labels.npy"

@@ -87,7 +87,7 @@ def test_source_is_told_by_the_shapes_name(shape: str, source: str) -> None:
 
 
 def test_label_kind_drops_the_settings() -> None:
-    assert [label_kind(name) for name in ("file:labels.npy", "brep:merged<=18", "brep", "none")] == [
+    assert [label_kind(name) for name in ("file:labels.npy", "brep:as-is", "brep", "none")] == [
         "file",
         "brep",
         "brep",
@@ -312,7 +312,7 @@ def test_what_differs_is_never_in_one_table(tmp_path: Path, changed: dict[str, s
     write(
         tmp_path,
         make_row("relu", "abc_0001", cd_l1=1.0),
-        make_row("relu", "abc_0002", cd_l1=3.0, provider="brep:merged<=18"),
+        make_row("relu", "abc_0002", cd_l1=3.0, provider="brep:as-is"),
         make_row("relu", cd_l1=100.0, **other),  # type: ignore[arg-type]
     )
     write_tables(tmp_path)

@@ -3,7 +3,7 @@
 import hashlib
 import logging
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from difflib import SequenceMatcher
 from pathlib import Path
 
@@ -12,14 +12,31 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from jointsdf.shapes import abc, builtin, features, file, repair, step
-from jointsdf.shapes import labels as part_labels
+from jointsdf.shapes.partfield import names as partfield_names
+from jointsdf.shapes.providers import Subject, benchmark, provide
 from jointsdf.values import UNLABELLED, InputError, LabelledMesh, Shape
 
 FALLBACK = "part_01"
 ABC_MISSING = ("fallback", "error")
-MOST_PARTS = 18
 
 logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which labels a user asked for.
+
+    Attributes:
+        labels: A provider's name or the path of a label file.
+        num_parts: Number of parts, None where the provider is to choose.
+        partfield_dir: PartField's output folder.
+        needed: Whether a shape without parts is of no use.
+    """
+
+    labels: str = "auto"
+    num_parts: int | None = None
+    partfield_dir: Path | None = None
+    needed: bool = True
 
 
 def shape_names() -> list[str]:
@@ -31,6 +48,8 @@ def load(
     shape: str,
     *,
     labels: str = "auto",
+    num_parts: int | None = None,
+    partfield_dir: str | Path | None = None,
     abc_root: str | Path,
     abc_missing: str = "fallback",
     segmented: bool = True,
@@ -41,13 +60,16 @@ def load(
 
     Args:
         shape: A catalogue name (`part_01`, `abc_0001`) or the path of a ply, obj, stl, off, glb, step or stp file.
-        labels: A `.npy` or ABC features file, `brep` (the patches as they are), `none`, or `auto`: `labels.npy` beside
-            the mesh, else the patches. These are a STEP file's B-rep faces, those of the features file beside an ABC
-            obj, or `patches.npy` beside the mesh. Given labels are never merged; the patches of a catalogue ABC shape
-            are merged to at most 18 parts under `auto`.
+        labels: A label file (`.npy`, `.txt`, ABC features, or a PLY with face labels or colours), or a provider:
+            `auto` (a built-in part's own, `labels.npy` beside the mesh, else `geometric`), `geometric`, `partfield`,
+            `brep` or `none`. The B-rep patches are a STEP file's faces, those of the features file beside an ABC obj,
+            or `patches.npy` beside the mesh.
+        num_parts: Number of parts, >= 2, for a provider that can choose. None: the benchmark's number for a catalogue
+            ABC shape, the natural one for any other.
+        partfield_dir: PartField's output folder, for `labels=partfield`.
         abc_root: Folder that holds `abc_0001/mesh.ply` and so on.
         abc_missing: `fallback`: without the ABC mesh, go on with `part_01` and its own labels; `error`: do not.
-        segmented: Whether at least two labelled parts are needed. If not, missing labels become -1.
+        segmented: Whether at least two labelled parts are needed.
         step_tolerance: Largest distance of a STEP file's triangles from its surfaces, relative to its longest side.
         step_angle: Largest angle between neighbouring chords of a STEP file's curves, radians.
 
@@ -56,12 +78,16 @@ def load(
     """
     if abc_missing not in ABC_MISSING:
         raise InputError(f"unknown abc_missing={abc_missing!r}: give one of {', '.join(ABC_MISSING)}")
+    if num_parts is not None and num_parts < 2:
+        raise InputError(f"num_parts={num_parts}: give an integer of at least 2, or null for the usual number")
+    folder = None if partfield_dir is None else Path(partfield_dir).expanduser()
+    wanted = Wanted(labels, num_parts, folder, segmented)
     if shape in builtin.BUILTINS:
-        loaded = _built(shape, labels)
+        loaded = _built(shape, wanted)
     elif shape in abc.catalogue():
-        loaded = _from_catalogue(shape, labels, abc_root, abc_missing, segmented)
+        loaded = _from_catalogue(shape, wanted, abc_root, abc_missing)
     elif Path(shape).suffix or "/" in shape or "\\" in shape or Path(shape).is_file():
-        loaded = _from_path(Path(shape).expanduser(), labels, segmented, (step_tolerance, step_angle))
+        loaded = _from_path(Path(shape).expanduser(), wanted, tolerances=(step_tolerance, step_angle))
     else:
         near = sorted(shape_names(), key=lambda name: -SequenceMatcher(None, name, shape).ratio())[:4]
         raise InputError(f"unknown shape {shape!r}: near names are {', '.join(near)}; or give the path of a mesh file")
@@ -71,23 +97,26 @@ def load(
     return loaded
 
 
-def _built(name: str, labels: str) -> Shape:
-    """A built-in part, with its own labels unless a file gives others."""
+def _built(name: str, wanted: Wanted) -> Shape:
+    """A built-in part, with its own labels unless others are asked for."""
     mesh = builtin.BUILTINS[name]()
-    if labels == "auto":
-        mesh, provider = replace(mesh, labels=part_labels.numbered_by_area(mesh)), "builtin"
-    elif labels == "none":
-        mesh, provider = replace(mesh, labels=np.full(len(mesh.faces), UNLABELLED)), "none"
-    elif labels in part_labels.PROVIDERS:
-        raise InputError(f"labels={labels} is for mesh files: the built-in {name} has its own labels, labels=auto")
-    else:
-        path, provider = part_labels.named_file(labels)
-        mesh = replace(mesh, labels=part_labels.read(path, len(mesh.faces)))
     digest = hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest()
-    return Shape(name, mesh, digest, provider, watertight=True)
+    if wanted.labels == "brep":
+        raise InputError(f"labels=brep is for mesh files: the built-in {name} has its own labels, labels=auto")
+    subject = Subject(
+        name,
+        file.FileMesh(mesh.vertices, mesh.faces, False, digest),
+        mesh,
+        np.arange(len(mesh.faces)),
+        known_as=(name,),
+        num_parts=wanted.num_parts,
+        partfield_dir=wanted.partfield_dir,
+    )
+    labels, provider = provide(wanted.labels, subject)
+    return Shape(name, replace(mesh, labels=labels), digest, provider, watertight=True)
 
 
-def _from_catalogue(name: str, labels: str, root: str | Path, missing: str, segmented: bool) -> Shape:
+def _from_catalogue(name: str, wanted: Wanted, root: str | Path, missing: str) -> Shape:
     """A catalogue ABC shape, or the fallback part under its own name where the mesh is not there."""
     entry, path = abc.catalogue()[name], abc.mesh_path(name, root)
     if not path.is_file():
@@ -95,44 +124,55 @@ def _from_catalogue(name: str, labels: str, root: str | Path, missing: str, segm
         if missing == "error":
             raise InputError(how)
         logger.warning("%s. Going on with the built-in %s and its own labels.", how, FALLBACK)
-        return _built(FALLBACK, "auto")
-    shape = replace(_from_path(path, labels, segmented), name=name)
+        return _built(FALLBACK, Wanted())
+    shape = _from_path(path, wanted, name)
     if shape.mesh_sha256 != entry.sha256:
         logger.warning("%s is not the catalogue's mesh: sha256 %s, expected %s", path, shape.mesh_sha256, entry.sha256)
-    if labels == "auto" and shape.label_provider == "brep":
-        merged = part_labels.merged(shape.mesh, MOST_PARTS)
-        shape = replace(shape, mesh=replace(shape.mesh, labels=merged), label_provider=f"brep:merged<={MOST_PARTS}")
     return shape
 
 
-def _from_path(path: Path, labels: str, segmented: bool, tolerances: tuple[float, float] = (1e-4, 0.1)) -> Shape:
-    """The shape in a mesh or STEP file, named by stem and content."""
-    is_step = path.suffix.lower() in step.SUFFIXES
-    found, brep_faces = _tessellated(path, *tolerances) if is_step else (file.read(path), None)
-    patches = path if is_step else features.beside(path) or path.with_name("patches.npy")
-    source = part_labels.find(labels, path, patches)
-    if source is None:
-        if segmented and labels == "brep":
-            raise InputError(f"labels={labels}: {patches} not found; give labels=<file.npy>, or head=none")
-        per_face, provider = np.full(len(found.faces), UNLABELLED), "none"
-    elif found.has_polygons:
-        raise InputError(
-            f"{path} has polygons, so labels per face are ambiguous: triangulate it, one label per triangle"
-        )
-    elif brep_faces is not None and source[0] == path:
-        per_face, provider = brep_faces, source[1]
-    elif source[0].suffix.lower() in features.SUFFIXES:
-        per_face, provider = features.read(source[0], len(found.faces), len(found.vertices)).patches, source[1]
-    else:
-        per_face, provider = part_labels.read(source[0], len(found.faces)), source[1]
+def _from_path(path: Path, wanted: Wanted, name: str = "", tolerances: tuple[float, float] = (1e-4, 0.1)) -> Shape:
+    """The shape in a mesh or STEP file, under its catalogue name, or named by stem and content."""
+    found, brep_faces = triangles(path, *tolerances)
     solid = repair.cleaned(str(path), found.vertices, found.faces)
-    mesh = LabelledMesh(solid.vertices, solid.faces, per_face[solid.kept])
+    unlabelled = LabelledMesh(solid.vertices, solid.faces, np.full(len(solid.faces), UNLABELLED))
+    subject = Subject(
+        str(path),
+        found,
+        unlabelled,
+        solid.kept,
+        beside=path.with_name("labels.npy"),
+        patch_source=path if brep_faces is not None else features.beside(path) or path.with_name("patches.npy"),
+        patches=brep_faces,
+        known_as=(*((name,) if name else ()), *partfield_names(path, found.sha256)),
+        num_parts=wanted.num_parts,
+        usual_parts=benchmark().get(name),
+        partfield_dir=wanted.partfield_dir,
+        needed=wanted.needed,
+    )
+    labels, provider = provide(wanted.labels, subject)
     stem = re.sub(r"[^A-Za-z0-9._-]", "_", path.stem).lstrip(".")[:100] or "mesh"
-    return Shape(f"{stem}-{found.sha256[:6]}", mesh, found.sha256, provider, solid.watertight)
+    return Shape(
+        name or f"{stem}-{found.sha256[:6]}",
+        replace(unlabelled, labels=labels),
+        found.sha256,
+        provider,
+        solid.watertight,
+        flipped=solid.flipped,
+        dropped=len(found.faces) - len(solid.faces),
+    )
 
 
-def _tessellated(path: Path, tolerance: float, angle: float) -> tuple[file.FileMesh, Int[ndarray, " f"]]:
-    """A STEP file's triangles, as if they were a mesh file's, and the B-rep face of each."""
+def triangles(
+    path: Path, tolerance: float = 1e-4, angle: float = 0.1
+) -> tuple[file.FileMesh, Int[ndarray, " f"] | None]:
+    """The triangles that label files of a mesh or STEP file follow, and the B-rep face of each of a STEP file's.
+
+    Raises:
+        InputError: The file cannot be read.
+    """
+    if path.suffix.lower() not in step.SUFFIXES:
+        return file.read(path), None
     data = file.content(path)
     mesh = step.read(path, data, tol_linear=tolerance, tol_angular=angle)
     return file.FileMesh(mesh.vertices, mesh.faces, False, hashlib.sha256(data).hexdigest()), mesh.patches

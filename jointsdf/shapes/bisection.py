@@ -51,9 +51,7 @@ def bisected(
     return pieces, np.array(cuts, dtype=np.int64).reshape(-1, 2)
 
 
-def _far_half(
-    weights: csr_array, centres: Float[ndarray, "n 3"], areas: Float[ndarray, " n"]
-) -> Bool[ndarray, " n"]:
+def _far_half(weights: csr_array, centres: Float[ndarray, "n 3"], areas: Float[ndarray, " n"]) -> Bool[ndarray, " n"]:
     """The half of a connected region, by area, that lies towards the second of two ends along the surface.
 
     Both halves are connected: on the shortest way to an end, the lead of the way to the other end never falls.
@@ -62,8 +60,8 @@ def _far_half(
     one = int(np.argmax(dijkstra(weights, directed=False, indices=start).round(9)))
     to_one = dijkstra(weights, directed=False, indices=one)
     to_other = dijkstra(weights, directed=False, indices=int(np.argmax(to_one.round(9))))
-    leads, place = np.unique((to_one - to_other).round(9), return_inverse=True)
+    place = np.unique((to_one - to_other).round(9), return_inverse=True)[1]
     below = np.cumsum(np.bincount(place, areas))
-    last = int(np.argmin(np.abs(below[:-1] / below[-1] - 0.5).round(9)))
+    last = int(np.argmin(np.abs(below / below[-1] - 0.5).round(9)))
     far: Bool[ndarray, " n"] = place > last
     return far

@@ -1,6 +1,7 @@
 """A mesh file (ply, obj, stl, off, glb) as triangles in the file's order, with every damage named.
 
-The content of a STEP file is read here too; the B-rep reader makes triangles of it.
+The content of a STEP file is read here too; the B-rep reader makes triangles of it. So are the part labels or colours
+that a PLY holds for its faces.
 """
 
 import hashlib
@@ -9,13 +10,14 @@ import re
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.values import InputError
+from jointsdf.values import UNLABELLED, InputError
 
 FORMATS = ("ply", "obj", "stl", "off", "glb", "step", "stp")
 
@@ -60,6 +62,41 @@ def read(path: Path) -> FileMesh:
         raise InputError(f"{path} has a face that uses a vertex out of range 0..{len(vertices) - 1}: export it again")
     has_polygons = declared is not None and declared < len(faces)
     return FileMesh(vertices, faces, has_polygons, hashlib.sha256(data).hexdigest())
+
+
+def painted(path: Path) -> tuple[FileMesh, Int[ndarray, " f"], bool]:
+    """A PLY file with a part for each face: the mesh, the parts, and whether they are colours.
+
+    The integer face property `label` goes before face colours, of which each distinct one (without opacity) is a part.
+
+    Raises:
+        InputError: The mesh cannot be read, has polygons, or has neither property.
+    """
+    mesh = read(path)
+    if mesh.has_polygons:
+        raise InputError(f"{path} has polygons: triangulate it, so that each triangle has its label")
+    try:
+        raw = trimesh.load_mesh(io.BytesIO(path.read_bytes()), file_type="ply", process=False).metadata["_ply_raw"]
+        columns = {
+            name: np.asarray(raw["face"]["data"][name]).ravel() for name in _face_properties(raw["face"]["data"])
+        }
+    except Exception as error:  # on a damaged file a parser may fail in any way
+        raise InputError(f"{path} cannot be read as ply (truncated or damaged?): export it again") from error
+    if "label" in columns:
+        labels = columns["label"]
+        if labels.dtype.kind not in "iu" or (labels.size and labels.min() < UNLABELLED):
+            raise InputError(f"{path}: its face property label must be an integer >= -1, where -1 means unlabelled")
+        return mesh, labels.astype(np.int64), False
+    if not columns.keys() >= {"red", "green", "blue"}:
+        raise InputError(f"{path} has no part labels: it needs an integer face property label, or face colours")
+    colours = np.stack([columns[name] for name in ("red", "green", "blue")], axis=1)
+    return mesh, np.unique(colours, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64), True
+
+
+def _face_properties(data: Any) -> list[str]:
+    """Those of the wanted names that the parsed face element of a PLY has: a record array, or a dict for text."""
+    names = data.keys() if isinstance(data, dict) else data.dtype.names
+    return [name for name in ("label", "red", "green", "blue") if name in names]
 
 
 def content(path: Path) -> bytes:

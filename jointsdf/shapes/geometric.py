@@ -19,7 +19,7 @@ from jointsdf.values import InputError, LabelledMesh
 
 LEAVES = 64  # pieces that smooth regions are cut into, at least
 FEWEST, MOST = 2, 18  # parts that are natural
-ALMOST = 0.75  # of the largest jump of the cost
+FINENESS = 0.25  # power of the number of parts in the choice of the natural one
 NOISE = 0.01  # cost below which no merge is dearer than another
 
 
@@ -62,17 +62,16 @@ class Hierarchy:
 
     @property
     def natural_parts(self) -> int:
-        """The number of parts, 2 to 18, before a merge whose cost stands out from the one before it.
+        """The number of parts, 2 to 18, before the merge whose cost stands out most from the one before it.
 
-        Of all such numbers it is the largest, as long as the cost stands out almost as much as anywhere.
+        It is the ratio of the two costs that counts, and a little the number itself: the finer of two equals.
         """
         most = min(MOST, len(self.areas))
         if most < FEWEST:
             return most
         costs = np.concatenate([[0.0], self.costs]) + NOISE
-        jump = np.log(costs[1:] / costs[:-1])[::-1].round(9)  # jump[k - 2]: from k to k - 1 parts
-        jump = jump[: most - 1]
-        return FEWEST + int(np.flatnonzero(jump >= ALMOST * jump.max())[-1]) if jump.max() > 0 else FEWEST
+        jump = np.log(costs[1:] / costs[:-1])[::-1][: most - 1]  # jump[k - 2]: from k to k - 1 parts
+        return FEWEST + int(np.argmax((jump * np.arange(FEWEST, most + 1) ** FINENESS).round(9)))
 
     def save(self, path: Path) -> None:
         """Write everything to an `.npz` file."""

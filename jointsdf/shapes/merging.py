@@ -72,7 +72,8 @@ class Merging:
         hollow = HOLLOW * abs(self._hollow[a] - self._hollow[b])
         step = THICKNESS * min(abs(self._thickness[a] - self._thickness[b]), 1.0)
         size = min(self._areas[a], self._areas[b]) ** GROWTH
-        return size * (crease + hollow + step + TANGENT) * (CONTACT - contact)
+        cost: float = size * (crease + hollow + step + TANGENT) * (CONTACT - contact)
+        return cost
 
     def _merge(self, a: int, b: int, cost: float) -> None:
         """Let b join a."""

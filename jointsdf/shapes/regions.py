@@ -122,9 +122,7 @@ def measured(mesh: LabelledMesh, graph: FaceGraph, regions: Int[ndarray, " f"]) 
     return Regions(areas / areas.sum(), thickness, hollow, pairs, safe, concave, convex)
 
 
-def _sharing_an_edge(
-    ends: Int[ndarray, "h 2"], num_vertices: int
-) -> tuple[Int[ndarray, " p"], Int[ndarray, " p"]]:
+def _sharing_an_edge(ends: Int[ndarray, "h 2"], num_vertices: int) -> tuple[Int[ndarray, " p"], Int[ndarray, " p"]]:
     """Pairs of sides of faces that are one edge, in opposite directions unless there are only these two."""
     edge = ends.min(axis=1) * num_vertices + ends.max(axis=1)
     order = np.argsort(edge, kind="stable")
@@ -139,7 +137,10 @@ def _sharing_an_edge(
 
 
 def _edge_creases(
-    sides: Int[ndarray, "p 2"], angles: Float[ndarray, " p"], turning: Float[ndarray, " r"], curled: Float[ndarray, " r"]
+    sides: Int[ndarray, "p 2"],
+    angles: Float[ndarray, " p"],
+    turning: Float[ndarray, " r"],
+    curled: Float[ndarray, " r"],
 ) -> tuple[Float[ndarray, " p"], Float[ndarray, " p"]]:
     """Concave and convex angle of each edge between two regions, in right angles.
 

@@ -24,18 +24,20 @@ class Solid:
     Attributes:
         vertices: The positions that a face uses.
         faces: Vertex indices, counter-clockwise seen from outside where there is an outside.
-        kept: Index of each face among the faces given: degenerate ones were dropped.
+        kept: Index of each face among the faces given: repeated and degenerate ones were dropped.
         watertight: Whether each edge has exactly two faces, which agree on the outside.
+        flipped: Number of faces that were turned over.
     """
 
     vertices: Float[ndarray, "v 3"]
     faces: Int[ndarray, "f 3"]
     kept: Int[ndarray, " f"]
     watertight: bool
+    flipped: int
 
 
 def cleaned(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> Solid:
-    """Merge vertices by position, drop degenerate faces, wind outward; warn of everything a user should know.
+    """Merge vertices by position, drop repeated and degenerate faces, wind outward; warn of what a user should know.
 
     Args:
         source: What messages call the mesh.
@@ -45,15 +47,16 @@ def cleaned(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f
     Raises:
         InputError: The mesh has no extent along an axis, or no face with an area.
     """
-    vertices, merged = _merge(vertices, faces)
+    once = _not_repeated(source, _by_position(vertices)[faces])
+    vertices, merged = _merge(vertices, faces[once])
     extents = np.ptp(vertices, axis=0)
     if extents.min() <= 1e-12 * extents.max():
         raise InputError(f"{source} is flat: its extents are {extents.tolist()}; a solid needs all three above zero")
     kept = _not_degenerate(source, vertices, merged, extents.max())
     vertices, merged = _merge(vertices, merged[kept])
-    merged, watertight = _orient(source, vertices, merged)
-    _warn_of_size(source, merged)
-    return Solid(vertices, merged, kept, watertight)
+    wound, watertight = _orient(source, vertices, merged)
+    _warn_of_size(source, wound)
+    return Solid(vertices, wound, once[kept], watertight, int((wound != merged).any(axis=1).sum()))
 
 
 def _merge(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> tuple[ndarray, ndarray]:
@@ -61,14 +64,32 @@ def _merge(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> tuple
 
     A mesh that is closed as it stands is not merged: where it touches itself, that would open it.
     """
-    identity = np.arange(len(vertices))
-    if not (_edge_uses(faces) == 2).all():
-        order = np.lexsort(vertices.T)
-        starts = np.ones(len(order), dtype=bool)
-        starts[1:] = (vertices[order[1:]] != vertices[order[:-1]]).any(axis=1)
-        identity[order] = order[starts][np.cumsum(starts) - 1]
+    closed = (_edge_uses(faces) == 2).all()
+    identity = np.arange(len(vertices)) if closed else _by_position(vertices)
     used, merged = np.unique(identity[faces], return_inverse=True)
     return vertices[used], merged.reshape(faces.shape)
+
+
+def _by_position(vertices: Float[ndarray, "v 3"]) -> Int[ndarray, " v"]:
+    """For each vertex, the first one at its position."""
+    order = np.lexsort(vertices.T)
+    starts = np.ones(len(order), dtype=bool)
+    starts[1:] = (vertices[order[1:]] != vertices[order[:-1]]).any(axis=1)
+    identity = np.zeros(len(vertices), dtype=np.int64)
+    identity[order] = order[starts][np.cumsum(starts) - 1]
+    return identity
+
+
+def _not_repeated(source: str, faces: Int[ndarray, "f 3"]) -> Int[ndarray, " k"]:
+    """Indices of the faces without those that repeat an earlier one, wound the same way."""
+    turned = (np.argmin(faces, axis=1)[:, None] + np.arange(3)) % 3
+    faces = np.take_along_axis(faces, turned, axis=1)
+    order = np.lexsort(faces.T)
+    first = np.ones(len(faces), dtype=bool)
+    first[order[1:]] = (faces[order[1:]] != faces[order[:-1]]).any(axis=1)
+    if repeated := int((~first).sum()):
+        logger.warning("%s: %d repeated faces dropped with their labels", source, repeated)
+    return np.flatnonzero(first)
 
 
 def _not_degenerate(source: str, vertices: ndarray, faces: ndarray, size: float) -> Int[ndarray, " k"]:

@@ -7,16 +7,14 @@ from numpy import ndarray
 from jointsdf.shapes.labels import face_areas
 from jointsdf.values import LabelledMesh
 
-SAMPLES = 20000  # points on the whole surface, besides one in each face
+SAMPLES = 40_000  # points on the whole surface, besides one in each face
 STEEP, FLAT = np.radians(35.0), np.radians(65.0)  # tilts of rays to the normal
 POCKET = 0.3, 0.7  # shares of outward rays that meet the mesh: on open ground, in a pocket
 LIFT = 1e-4  # of the rays' origins off the surface, of the diagonal
 PLASTIC = 1.324717957244746  # generates the evenly spread sequence of points
 
 
-def surroundings(
-    mesh: LabelledMesh, regions: Int[ndarray, " f"]
-) -> tuple[Float[ndarray, " r"], Float[ndarray, " r"]]:
+def surroundings(mesh: LabelledMesh, regions: Int[ndarray, " f"]) -> tuple[Float[ndarray, " r"], Float[ndarray, " r"]]:
     """Thickness and occlusion of each region, means over its area.
 
     Thickness is the logarithm of the second shortest of five inward rays (the second, so that the narrow side of a
@@ -34,10 +32,13 @@ def surroundings(
     met = (_reach(corners, points, frames, 1.0, (STEEP, FLAT)) < 2.0).mean(axis=0)
     occlusion = np.clip((met - POCKET[0]) / (POCKET[1] - POCKET[0]), 0.0, 1.0)
     total = np.bincount(regions[faces], weights)
-    return tuple(np.bincount(regions[faces], weights * values) / total for values in (thickness, occlusion))
+    thickness, occlusion = (np.bincount(regions[faces], weights * values) / total for values in (thickness, occlusion))
+    return thickness, occlusion
 
 
-def _samples(corners: Float[ndarray, "f 3 3"], areas: Float[ndarray, " f"]) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+def _samples(
+    corners: Float[ndarray, "f 3 3"], areas: Float[ndarray, " f"]
+) -> tuple[ndarray, ndarray, ndarray, ndarray]:
     """Points spread over the faces in proportion to area: their faces, positions, frames (rows) and areas."""
     edges = np.roll(corners, -1, axis=1) - corners
     longest = np.argmax(np.linalg.norm(edges, axis=2).round(9), axis=1)

@@ -25,7 +25,7 @@ def source_of(shape: str) -> str:
 
 
 def label_kind(provider: str) -> str:
-    """Kind of a label provider, without its settings: `brep:merged<=18` -> `brep`, `file:labels.npy` -> `file`."""
+    """Kind of a label provider, without its settings: `geometric:k=7` -> `geometric`, `file:labels.npy` -> `file`."""
     return provider.partition(":")[0]
 
 

@@ -17,6 +17,8 @@ class CatalogueEntry:
         source: Public repository and path where the mesh was found.
         sha256: Of the mesh file's bytes.
         patches: Number of B-rep patches, 0 where none are known.
+        geometry: How the mesh was made from what ABC distributes.
+        extents: Sides of the mesh's bounding box, in the mesh file's units.
     """
 
     name: str
@@ -24,6 +26,8 @@ class CatalogueEntry:
     source: str
     sha256: str
     patches: int
+    geometry: str
+    extents: tuple[float, ...]
 
 
 @cache
@@ -37,6 +41,8 @@ def catalogue() -> dict[str, CatalogueEntry]:
             source=f"{row['source_repository']}/{row['source_path']}",
             sha256=row["sha256"],
             patches=int(row["patches"]),
+            geometry=row["geometry"],
+            extents=tuple(float(side) for side in row["extents"].split()),
         )
         for row in csv.DictReader(table.splitlines())
     }
@@ -55,6 +61,7 @@ def mesh_path(name: str, root: str | Path) -> Path:
 def how_to_get(entry: CatalogueEntry, path: Path) -> str:
     """One line for the user: where the mesh was looked for, and how to get it."""
     return (
-        f"{entry.name} is not on this machine (looked for {path}); set paths.abc_root or the environment variable "
-        f"JOINTSDF_ABC to a folder that holds {entry.name}/mesh.ply (ABC model {entry.abc_id}, from {entry.source})"
+        f"{entry.name} is not on this machine (looked for {path}); make abc prepares it, or set paths.abc_root or the "
+        f"environment variable JOINTSDF_ABC to a folder that holds {entry.name}/mesh.ply (ABC model {entry.abc_id}, "
+        f"from {entry.source})"
     )

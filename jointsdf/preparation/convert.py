@@ -1,0 +1,179 @@
+"""A model's ABC files -> `mesh.ply` and `patches.npy`, as the catalogue describes them."""
+
+import hashlib
+import io
+import logging
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from jointsdf.shapes import features, file, step
+from jointsdf.shapes.abc import CatalogueEntry
+from jointsdf.values import UNLABELLED, InputError
+
+METRES = (0.001, 0.01, 0.0254, 0.3048, 1.0)  # per mm, cm, inch, foot, metre
+CLOSE = 0.01  # relative difference of extents that tessellation may make
+STL_GRID = 1e-4  # millimetres within which the vertices of an STL file are one
+NUMBERED = re.compile(r"component (\d+)")
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A mesh on its way to the shape's folder.
+
+    Attributes:
+        vertices: Positions.
+        faces: Vertex indices.
+        patches: The B-rep patch of each face, None where none are known.
+    """
+
+    vertices: Float[ndarray, "v 3"]
+    faces: Int[ndarray, "f 3"]
+    patches: Int[ndarray, " f"] | None
+
+
+def write(entry: CatalogueEntry, paths: Sequence[Path], folder: Path) -> str:
+    """Convert one model and say in a few words what came of it.
+
+    Args:
+        entry: The catalogue's row.
+        paths: Its mesh or STEP file, and the features file of an obj mesh.
+        folder: The shape's folder. The mesh is written last, so that a shape with a mesh is whole.
+
+    Raises:
+        InputError: A file is damaged, or does not hold what the catalogue describes.
+    """
+    surface = read(paths)
+    if "component" in entry.geometry:
+        surface = component(entry, surface, paths[0])
+    factor = scale_to(entry, surface.vertices)
+    if factor is None:
+        sides = " ".join(f"{side:.6g}" for side in np.ptp(surface.vertices, axis=0))
+        expected = " ".join(f"{side:g}" for side in entry.extents)
+        logger.warning(
+            "%s: %s has sides %s, the catalogue says %s: left as it is", entry.name, paths[0], sides, expected
+        )
+        factor = 1.0
+    surface = replace(surface, vertices=surface.vertices * factor)
+    if paths[0].suffix.lower() == ".stl":
+        surface = _merged(surface)
+    data = ply(surface)
+    folder.mkdir(parents=True, exist_ok=True)
+    if surface.patches is None:
+        (folder / "patches.npy").unlink(missing_ok=True)
+    else:
+        stream = io.BytesIO()
+        np.save(stream, surface.patches.astype(np.int32))
+        _write_whole(folder / "patches.npy", stream.getvalue())
+    _write_whole(folder / "mesh.ply", data)
+    return _summary(surface, paths[0], factor, hashlib.sha256(data).hexdigest() == entry.sha256)
+
+
+def _summary(surface: Surface, path: Path, factor: float, is_same: bool) -> str:
+    """What was made of what."""
+    patches = "no patches" if surface.patches is None else f"{len(np.unique(surface.patches))} patches"
+    scaled = "" if factor == 1 else f", times {factor:g}"
+    same = "the catalogue's own mesh" if is_same else "another tessellation than the catalogue's"
+    return f"{len(surface.vertices)} vertices, {len(surface.faces)} faces, {patches}, from {path.name}{scaled}: {same}"
+
+
+def read(paths: Sequence[Path]) -> Surface:
+    """The files of one model, in the file's units."""
+    mesh = paths[0]
+    if mesh.suffix.lower() in step.SUFFIXES:
+        solid = step.read(mesh, file.content(mesh))
+        return Surface(solid.vertices, solid.faces, solid.patches)
+    found = file.read(mesh)
+    if len(paths) == 1:
+        return Surface(found.vertices, found.faces, None)
+    if found.has_polygons:
+        raise InputError(f"{mesh} has polygons, ABC's own have triangles: it is not the mesh of {paths[1].name}")
+    patches = features.read(paths[1], len(found.faces), len(found.vertices)).patches
+    return Surface(found.vertices, found.faces, patches)
+
+
+def component(entry: CatalogueEntry, surface: Surface, path: Path) -> Surface:
+    """The connected component that the catalogue means: the one of its extents; of several, the one of its number."""
+    numbered = NUMBERED.search(entry.geometry) or NUMBERED.search(entry.abc_id)
+    bodies = list(_components(surface))
+    fitting = [number for number, body in enumerate(bodies) if scale_to(entry, body.vertices) is not None]
+    if not fitting:
+        sides = " ".join(f"{side:g}" for side in entry.extents)
+        raise InputError(f"{path}: none of its {len(bodies)} components has the catalogue's sides, {sides}")
+    number = int(numbered[1]) if numbered else -1
+    return bodies[number if number in fitting else fitting[0]]
+
+
+def _components(surface: Surface) -> Iterator[Surface]:
+    """What hangs together, in the file's order, its vertices and patches counted anew."""
+    ends = surface.faces[:, [0, 1]].T.ravel(), surface.faces[:, [1, 2]].T.ravel()
+    size = len(surface.vertices)
+    _, of_vertex = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(size, size)), directed=False)
+    of_face = of_vertex[surface.faces[:, 0]]
+    order = of_face[np.sort(np.unique(of_face, return_index=True)[1])]
+    for each in order:
+        mine = of_face == each
+        used, faces = np.unique(surface.faces[mine], return_inverse=True)
+        patches = None if surface.patches is None else surface.patches[mine]
+        if patches is not None:
+            known = np.unique(patches[patches != UNLABELLED])
+            patches = np.where(patches == UNLABELLED, UNLABELLED, np.searchsorted(known, patches))
+        yield Surface(surface.vertices[used], faces.reshape(-1, 3), patches)
+
+
+def scale_to(entry: CatalogueEntry, vertices: Float[ndarray, "v 3"]) -> float | None:
+    """The factor to the catalogue's extents, None where it is no change of unit.
+
+    The catalogue's mesh of a model that was normalised has no unit: there any factor will do.
+    """
+    sides = np.ptp(vertices, axis=0)
+    if not (sides > 0).all():
+        return None
+    ratios = np.array(entry.extents) / sides
+    if "normalised" in entry.geometry:
+        middle = float(np.median(ratios))
+        return middle if np.allclose(ratios, middle, rtol=CLOSE) else None
+    units = {round(one / other, 9) for one in METRES for other in METRES}
+    return next((unit for unit in sorted(units) if np.allclose(ratios, unit, rtol=CLOSE, atol=0)), None)
+
+
+def _merged(surface: Surface) -> Surface:
+    """One vertex per position; an STL file repeats each at every face."""
+    cells = np.round(surface.vertices / STL_GRID).astype(np.int64)
+    _, first, index = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    return replace(surface, vertices=surface.vertices[first], faces=index.reshape(-1)[surface.faces])
+
+
+def ply(surface: Surface) -> bytes:
+    """The mesh as a binary PLY file: single-precision positions, triangles."""
+    header = (
+        f"ply\nformat binary_little_endian 1.0\ncomment ABC dataset model\nelement vertex {len(surface.vertices)}\n"
+        f"property float x\nproperty float y\nproperty float z\nelement face {len(surface.faces)}\n"
+        f"property list uchar int vertex_indices\nend_header\n"
+    )
+    faces = np.zeros(len(surface.faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, surface.faces
+    return header.encode() + surface.vertices.astype("<f4").tobytes() + faces.tobytes()
+
+
+def _write_whole(path: Path, data: bytes) -> None:
+    """Write a file so that it is never seen in part, not even after a power cut."""
+    part = path.with_name(f".{path.name}.part")
+    try:
+        with part.open("wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,61 @@
+"""Which face of one mesh file lies where a face of another does, whatever the order of faces and vertices."""
+
+import logging
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.spatial import KDTree
+
+from jointsdf.values import InputError
+
+TOLERANCE = 1e-5  # of the longest side; text files and 32-bit floats round below it
+
+logger = logging.getLogger(__name__)
+
+
+def matched(source: str, theirs: Float[ndarray, "g 3 3"], ours: Float[ndarray, "f 3 3"]) -> Int[ndarray, " f"]:
+    """For each of our faces, the index of their face at the same place; says so where the order differs.
+
+    Both are compared with the middle of their box at the origin and its longest side 1: PartField writes meshes so.
+
+    Args:
+        source: What messages call their mesh.
+        theirs: Corners of each face, any frame without rotation.
+        ours: Corners of each face.
+
+    Raises:
+        InputError: Theirs is another mesh.
+    """
+    if len(theirs) != len(ours):
+        raise InputError(f"{source} has {len(theirs)} faces, the mesh has {len(ours)}: it is of another mesh")
+    theirs, ours = _in_box(theirs), _in_box(ours)
+    if np.abs(theirs.mean(axis=1) - ours.mean(axis=1)).max() <= TOLERANCE:
+        return np.arange(len(ours))
+    for place in (_centres_and_normals, _centres):  # faces that touch differ in their normals only
+        there, here = place(theirs), place(ours)
+        away, index = KDTree(there).query(here)
+        back = KDTree(here).query(there)[0]
+        if max(away.max(), back.max()) <= 2 * TOLERANCE:
+            logger.warning("%s: its faces are in another order than the mesh's; matched by their centres", source)
+            return np.asarray(index, dtype=np.int64)
+    lost = int((away > 2 * TOLERANCE).sum())
+    raise InputError(
+        f"{source} is of another mesh: of its {len(theirs)} faces and the mesh's {len(ours)}, "
+        f"{max(lost, 1)} lie elsewhere; give the labels of this mesh"
+    )
+
+
+def _in_box(corners: Float[ndarray, "f 3 3"]) -> Float[ndarray, "f 3 3"]:
+    points = corners.reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    return (corners - (low + high) / 2) / max((high - low).max(), np.finfo(float).tiny)
+
+
+def _centres(corners: Float[ndarray, "f 3 3"]) -> Float[ndarray, "f 3"]:
+    return np.asarray(corners.mean(axis=1))
+
+
+def _centres_and_normals(corners: Float[ndarray, "f 3 3"]) -> Float[ndarray, "f 6"]:
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])  # as long as twice the area
+    return np.concatenate([corners.mean(axis=1), normals], axis=1)

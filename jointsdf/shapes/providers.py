@@ -1,0 +1,182 @@
+"""Where part labels come from: the values of `labels=`, each a function from a mesh to a part for each face."""
+
+import csv
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from functools import cache
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Int
+from numpy import ndarray
+
+from jointsdf.shapes import features, file, partfield
+from jointsdf.shapes import labels as part_labels
+from jointsdf.shapes.geometric import hierarchy
+from jointsdf.shapes.matching import matched
+from jointsdf.values import UNLABELLED, InputError, LabelledMesh
+
+Labels = tuple[Int[ndarray, " f"], str]
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A mesh that labels are wanted for, and what the user said of them.
+
+    Attributes:
+        name: What messages call the mesh.
+        written: The mesh as its file has it: label files follow its order.
+        solid: The mesh as it will be used, with own labels or -1.
+        kept: Index of each face of `solid` among those of `written`.
+        beside: `labels.npy` beside the mesh file, whether it is there or not; None for a mesh without a file.
+        patch_source: Where the B-rep patches are, or would be: a `.npy`, a features file, or the STEP file itself.
+        patches: Of a STEP file's faces, in the order of `written`; None for any other mesh.
+        known_as: Names that PartField may have given to the mesh.
+        num_parts: Wanted number of parts, None where the provider is to choose.
+        usual_parts: Number of parts that the geometric provider is to take then; None for the natural one.
+        partfield_dir: PartField's output folder.
+        needed: Whether missing patches are an error; if not, the mesh stays unlabelled.
+    """
+
+    name: str
+    written: file.FileMesh
+    solid: LabelledMesh
+    kept: Int[ndarray, " f"]
+    beside: Path | None = None
+    patch_source: Path | None = None
+    patches: Int[ndarray, " g"] | None = None
+    known_as: tuple[str, ...] = ()
+    num_parts: int | None = None
+    usual_parts: int | None = None
+    partfield_dir: Path | None = None
+    needed: bool = True
+
+
+def auto(subject: Subject) -> Labels:
+    """The mesh's own labels, `labels.npy` beside it, else parts by its geometry."""
+    if len(subject.solid.part_ids):
+        _refuse_count(subject, f"{subject.name} has its own labels")
+        return part_labels.numbered_by_area(subject.solid), "builtin"
+    if subject.beside is not None and subject.beside.is_file():
+        return from_file(subject, subject.beside)
+    return geometric(subject)
+
+
+def brep(subject: Subject) -> Labels:
+    """The B-rep patches, as they are."""
+    _refuse_count(subject, "labels=brep gives the patches as they are")
+    patches = _patches(subject)
+    if patches is None and not subject.needed:
+        return none(subject)
+    if patches is None:
+        missing = f"{subject.patch_source} not found" if subject.patch_source else f"{subject.name} has none"
+        raise InputError(f"labels=brep: {missing}; give labels=<file.npy>, labels=geometric, or head=none")
+    return patches[subject.kept], "brep"
+
+
+def geometric(subject: Subject) -> Labels:
+    """Parts by the mesh's geometry; B-rep patches, where known, are never mixed before they are whole."""
+    patches = None if subject.written.has_polygons else _patches(subject)
+    found = hierarchy(subject.solid, None if patches is None else patches[subject.kept])
+    labels = found.cut(subject.num_parts if subject.num_parts is not None else subject.usual_parts)
+    return labels, f"geometric:k={labels.max() + 1}"
+
+
+def from_partfield(subject: Subject) -> Labels:
+    """What PartField found, from its output folder."""
+    _refuse_polygons(subject)
+    corners = subject.written.vertices[subject.written.faces]
+    labels, count = partfield.labels(subject.partfield_dir, subject.known_as, corners, subject.num_parts)
+    return part_labels.numbered_by_area(replace(subject.solid, labels=labels[subject.kept])), f"partfield:k={count}"
+
+
+def none(subject: Subject) -> Labels:
+    """No labels, even where some lie beside the mesh."""
+    _refuse_count(subject, "labels=none gives no parts")
+    return np.full(len(subject.solid.faces), UNLABELLED), "none"
+
+
+PROVIDERS: dict[str, Callable[[Subject], Labels]] = {
+    "auto": auto,
+    "geometric": geometric,
+    "partfield": from_partfield,
+    "brep": brep,
+    "none": none,
+}
+
+
+def provide(labels: str, subject: Subject) -> Labels:
+    """The part of each face of `subject.solid`, and where it comes from: the provider and its setting.
+
+    Args:
+        labels: A provider's name or the path of a label file.
+        subject: The mesh.
+
+    Raises:
+        InputError: `labels` is neither a provider nor an existing file, or the provider has nothing for this mesh.
+    """
+    if labels in PROVIDERS:
+        return PROVIDERS[labels](subject)
+    path = Path(labels).expanduser()
+    if path.is_file():
+        return from_file(subject, path)
+    if path.suffix or len(path.parts) > 1:
+        raise InputError(f"labels file not found: {labels}")
+    near = get_close_matches(labels, PROVIDERS, n=1, cutoff=0.0)[0]
+    raise InputError(f"unknown labels={labels!r}: give a label file or one of {', '.join(PROVIDERS)} (near: {near})")
+
+
+def from_file(subject: Subject, path: Path) -> Labels:
+    """The labels in a file: `.npy`, `.txt`, an ABC features file, or a PLY with face labels or face colours.
+
+    Raises:
+        InputError: The file is of another mesh or damaged, or a number of parts was asked for.
+    """
+    _refuse_count(subject, f"labels file {path} gives its parts as they are")
+    _refuse_polygons(subject)
+    written, provider = subject.written, f"file:{path.name}"
+    if path.suffix.lower() != ".ply":
+        return _per_face(path, written)[subject.kept], provider
+    mesh, labels, are_colours = file.painted(path)
+    order = matched(f"labels file {path}", mesh.vertices[mesh.faces], written.vertices[written.faces])
+    labels = labels[order][subject.kept]
+    if are_colours:
+        labels = part_labels.numbered_by_area(replace(subject.solid, labels=labels))
+    return labels, provider
+
+
+@cache
+def benchmark() -> dict[str, int]:
+    """Number of parts of each catalogue shape that the geometric provider cuts, chosen before any result was seen."""
+    table = resources.files("jointsdf.shapes").joinpath("benchmark.csv").read_text(encoding="utf-8")
+    return {row["shape"]: int(row["num_parts"]) for row in csv.DictReader(table.splitlines())}
+
+
+def _patches(subject: Subject) -> Int[ndarray, " g"] | None:
+    """B-rep patch of each face of the file; None where none are known."""
+    if subject.patches is not None:
+        return subject.patches
+    if subject.patch_source is None or not subject.patch_source.is_file():
+        return None
+    _refuse_polygons(subject)
+    return _per_face(subject.patch_source, subject.written)
+
+
+def _per_face(path: Path, written: file.FileMesh) -> Int[ndarray, " g"]:
+    if path.suffix.lower() in features.SUFFIXES:
+        return features.read(path, len(written.faces), len(written.vertices)).patches
+    return part_labels.read(path, len(written.faces))
+
+
+def _refuse_count(subject: Subject, why: str) -> None:
+    if subject.num_parts is not None:
+        raise InputError(f"num_parts={subject.num_parts}: {why}; leave num_parts out, or give labels=geometric")
+
+
+def _refuse_polygons(subject: Subject) -> None:
+    if subject.written.has_polygons:
+        raise InputError(
+            f"{subject.name} has polygons, so labels per face are ambiguous: triangulate it, one label per triangle"
+        )

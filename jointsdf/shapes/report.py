@@ -1,0 +1,198 @@
+"""What a run should know of its mesh before it starts: repairs, contacts, walls too thin for the grid, parts."""
+
+import logging
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from jointsdf.shapes.labels import face_areas
+from jointsdf.values import BOX, UNLABELLED, LabelledMesh, Shape
+
+SAMPLES, WINDINGS = 10000, 2000  # points on the surface for rays, and for winding numbers
+CONTACT = 1e-4  # of the longest side: faces nearer than that may touch
+LIFT = 2e-6  # of what starts outside or inside a face, off the surface, of the longest side
+WITHIN = 0.4  # winding number outside a face, above which the face lies within: a sheet inside a solid has 0.5 there
+THINNEST = 0.01  # share of the surface whose walls are as thin as the thinnest one, or thinner
+SUSPECT = 0.001  # share of points from which rays or windings say something; fewer are edges and corners
+CELLS = 2  # grid cells that a wall needs
+FINEST = 1024  # largest resolution of the extraction grid
+LISTED = 24  # parts on the screen
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class MeshReport:
+    """One mesh in numbers; lengths in file units.
+
+    Attributes:
+        name: Of the shape.
+        faces: Number of faces.
+        components: Number of pieces that share no vertex.
+        watertight: Whether the faces close a volume.
+        flipped: Faces that were turned over.
+        dropped: Faces that were left out: repeated, or without area.
+        contacts: Share of the surface nearer than 1e-4 of the longest side to another face, inward or outward.
+        buried: Share of the surface that lies inside the solid: bodies overlap or touch, or there are faces within.
+        wall: Thickness that 1% of the surface's walls are below; infinite where no ray meets a wall.
+        cell: Edge of a cell of the extraction grid.
+        resolution: Points along each axis of that grid.
+        parts: Each part's id and share of the area, largest first.
+    """
+
+    name: str
+    faces: int
+    components: int
+    watertight: bool
+    flipped: int
+    dropped: int
+    contacts: float
+    buried: float
+    wall: float
+    cell: float
+    resolution: int
+    parts: tuple[tuple[int, float], ...]
+
+    def lines(self) -> list[str]:
+        """The report as text, at most a screen."""
+        pieces = "1 component" if self.components == 1 else f"{self.components} components"
+        repairs = f"{self.flipped} faces flipped, {self.dropped} dropped"
+        shown = [f"{part}: {share:.1%}" for part, share in self.parts[:LISTED]]
+        more = [f"and {len(self.parts) - LISTED} more"] if len(self.parts) > LISTED else []
+        cells = f"{self.wall:.4g}, {self.wall / self.cell:.1f} cells of the grid (1% of the walls are thinner)"
+        return [
+            f"{self.name}: {self.faces} faces, {pieces}, {'watertight' if self.watertight else 'not watertight'}",
+            f"  repairs       {repairs if self.flipped or self.dropped else 'none'}",
+            f"  near contact  {self.contacts:.2%} of the surface, inside the solid {self.buried:.2%}",
+            f"  thinnest wall {cells if np.isfinite(self.wall) else 'none met'}",
+            f"  parts         {len(self.parts)}" + (f" ({', '.join(shown + more)})" if self.parts else ""),
+        ]
+
+    def warnings(self) -> list[str]:
+        """What the fit will not do well, one line each."""
+        found = []
+        if self.buried > SUSPECT:
+            found.append(
+                f"{self.name}: {self.buried:.1%} of the surface lies inside the solid (bodies that overlap or touch, "
+                "or faces within): the field cannot show it, unite the bodies in the CAD program"
+            )
+        if self.contacts > SUSPECT:
+            found.append(
+                f"{self.name}: {self.contacts:.1%} of the surface nearly touches another face: the field will join or "
+                "open such places"
+            )
+        if self.wall < CELLS * self.cell:
+            enough = int(np.ceil(CELLS * self.cell * (self.resolution - 1) / self.wall)) + 1
+            fix = f"give extraction.resolution={enough}" if enough <= FINEST else f"no grid up to {FINEST} can hold it"
+            found.append(
+                f"{self.name}: its thinnest wall ({self.wall:.3g}) is under {CELLS} cells of the grid (of "
+                f"{self.cell:.3g}): it will vanish or break; {fix}"
+            )
+        return found
+
+    def log(self) -> None:
+        """Say the lines, and warn."""
+        for line in self.lines():
+            logger.info(line)
+        for line in self.warnings():
+            logger.warning(line)
+
+    def counts(self) -> dict[str, int]:
+        """Whole numbers for a result row."""
+        return {"components_gt": self.components, "flipped_gt": self.flipped, "dropped_gt": self.dropped}
+
+    def facts(self) -> dict[str, float | bool]:
+        """Other facts for a result row."""
+        return {
+            "watertight": self.watertight,
+            "near_contact": round(self.contacts, 5),
+            "inside_solid": round(self.buried, 5),
+            "thinnest_wall": self.wall,
+            "grid_cell": self.cell,
+        }
+
+
+def mesh_report(shape: Shape, scale: float, resolution: int) -> MeshReport:
+    """Measure a shape. The points are the same in every run.
+
+    Args:
+        shape: File frame.
+        scale: File units per network unit.
+        resolution: Points along each axis of the extraction grid.
+    """
+    mesh = shape.mesh
+    areas = face_areas(mesh)
+    labelled = mesh.labels != UNLABELLED
+    part_areas = np.bincount(np.searchsorted(mesh.part_ids, mesh.labels[labelled]), areas[labelled])
+    order = np.argsort(-part_areas, kind="stable")
+    corners, size = _in_box(mesh)
+    faces, points = _samples(corners, areas)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True))[faces]
+    inward, outward = _reach(corners, points, -normals), _reach(corners, points, normals)
+    near = (inward < CONTACT) | (outward < CONTACT)
+    return MeshReport(
+        shape.name,
+        len(mesh.faces),
+        _components(mesh),
+        shape.watertight,
+        shape.flipped,
+        shape.dropped,
+        float(near.mean()),
+        _buried(corners, points, normals),
+        float(np.quantile(inward, THINNEST, method="lower")) * size,
+        2 * BOX * scale / (resolution - 1),
+        resolution,
+        tuple((int(mesh.part_ids[part]), float(part_areas[part] / areas.sum())) for part in order),
+    )
+
+
+def _in_box(mesh: LabelledMesh) -> tuple[Float[ndarray, "f 3 3"], float]:
+    """Corners of the faces about the middle of their box, its longest side 1; and that side, mesh units."""
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    size = float((high - low).max())
+    return ((mesh.vertices - (low + high) / 2) / size)[mesh.faces], size
+
+
+def _components(mesh: LabelledMesh) -> int:
+    ends = mesh.faces[:, [0, 1]].T, mesh.faces[:, [1, 2]].T
+    one, other = np.concatenate(ends, axis=1)
+    graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(mesh.vertices),) * 2)
+    return int(connected_components(graph, directed=False)[0])
+
+
+def _samples(
+    corners: Float[ndarray, "f 3 3"], areas: Float[ndarray, " f"]
+) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 3"]]:
+    """Points uniform by area: their faces and positions."""
+    rng = np.random.default_rng(0)
+    faces = rng.choice(len(areas), SAMPLES, p=areas / areas.sum())
+    shares = rng.dirichlet(np.ones(3), SAMPLES)
+    return faces, np.einsum("nc,ncd->nd", shares, corners[faces])
+
+
+def _reach(
+    corners: Float[ndarray, "f 3 3"], points: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]
+) -> Float[ndarray, " n"]:
+    """How far rays go from the surface to the next face; infinite where they meet none. Longest sides."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    scene = EmbreeScene()
+    TriangleMesh(scene, corners.astype(np.float32))
+    rays = (values.astype(np.float32) for values in (points + LIFT * directions, directions))
+    reached = np.asarray(scene.run(*rays, query="DISTANCE"), dtype=np.float64)
+    return np.where(reached > 2.0, np.inf, reached + LIFT)
+
+
+def _buried(corners: Float[ndarray, "f 3 3"], points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"]) -> float:
+    """Share of the points whose outer side is inside the solid, by the winding number."""
+    vertices = np.ascontiguousarray(corners.reshape(-1, 3))
+    faces = np.arange(len(vertices), dtype=np.int64).reshape(-1, 3)
+    outside = np.ascontiguousarray((points + LIFT * normals)[:WINDINGS])
+    return float((igl.fast_winding_number(vertices, faces, outside) > WITHIN).mean())
