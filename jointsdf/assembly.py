@@ -20,9 +20,9 @@ from jointsdf.checks import check, number_keys
 from jointsdf.data import ShapeDataModule
 from jointsdf.evaluation import Protocol
 from jointsdf.extraction import Extraction
+from jointsdf.field import JointField, first_line
 from jointsdf.module import JointSDFModule
 from jointsdf.sampling import Counts
-from jointsdf.trunk import JointField, first_line
 from jointsdf.values import InputError, Shape
 from jointsdf.viewing.render import compare
 

@@ -13,8 +13,8 @@ from torch.utils.tensorboard import SummaryWriter
 
 from jointsdf.evaluation import Protocol, evaluate
 from jointsdf.extraction import Extraction
+from jointsdf.field import JointField
 from jointsdf.module import JointSDFModule
-from jointsdf.trunk import JointField
 from jointsdf.values import LabelledMesh
 from jointsdf.viewing.export import TENSORBOARD_VERTICES, tensorboard_mesh
 

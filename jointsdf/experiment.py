@@ -14,12 +14,12 @@ from jointsdf import assembly, run_folder
 from jointsdf.board import extract, log_result
 from jointsdf.data import network_distance
 from jointsdf.evaluation import evaluate
+from jointsdf.field import JointField
 from jointsdf.fitting import board_of, fit, save_field
 from jointsdf.machine import peak_memory_mb, reset_peak_memory
 from jointsdf.provenance import code_state, provenance
 from jointsdf.results import ResultRow, config_hash, write_row
 from jointsdf.shapes.report import MeshReport, mesh_report
-from jointsdf.trunk import JointField
 from jointsdf.values import InputError, LabelledMesh, Normalisation, Shape
 from jointsdf.viewing.export import write_mesh
 from jointsdf.viewing.render import compare, write_png

@@ -15,9 +15,9 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from torch.utils.tensorboard import SummaryWriter
 
 from jointsdf.callbacks import Checkpoints, ProgressBar, stored_step
+from jointsdf.field import JointField
 from jointsdf.module import JointSDFModule
 from jointsdf.run_folder import BOARD, CHECKPOINT
-from jointsdf.trunk import JointField
 from jointsdf.values import InputError
 
 log = logging.getLogger(__name__)

@@ -13,10 +13,10 @@ from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 
 from jointsdf.derivatives import Mixed, gradient, mixed_derivative, trace
+from jointsdf.field import JointField
 from jointsdf.losses import Needs, Term
 from jointsdf.losses.schedule import Schedule
 from jointsdf.optimizers import Group, parameter_groups
-from jointsdf.trunk import JointField
 from jointsdf.values import FieldValues, InputError, Samples, Step
 
 

@@ -17,8 +17,8 @@ import trimesh
 import yaml
 from command_line import PLACE, QUICK, ROOT, call, train
 
+from jointsdf.field import JointField
 from jointsdf.module import JointSDFModule
-from jointsdf.trunk import JointField
 
 pytestmark = pytest.mark.filterwarnings("default")
 BOX_FACES = 12

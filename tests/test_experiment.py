@@ -14,10 +14,10 @@ from command_line import PLACE, call, finished, train
 from PIL import Image
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from jointsdf.field import JointField
 from jointsdf.losses.dirichlet import Dirichlet
 from jointsdf.shapes.builtin import BUILTINS
 from jointsdf.study.__main__ import main as study
-from jointsdf.trunk import JointField
 
 pytestmark = pytest.mark.filterwarnings("default")
 FILES = {"config.yaml", "field.ckpt", "labels.npy", "mesh.glb", "mesh.ply", "preview.png", "result.json", "tb"}

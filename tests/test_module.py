@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from torch.optim import Adam, Optimizer
 
 from jointsdf.derivatives import Mixed
+from jointsdf.field import JointField
 from jointsdf.losses.cross_entropy import CrossEntropy
 from jointsdf.losses.dirichlet import Dirichlet
 from jointsdf.losses.eikonal import Eikonal
@@ -20,7 +21,7 @@ from jointsdf.losses.signed_distance import SignedDistance
 from jointsdf.losses.weingarten import Weingarten
 from jointsdf.module import JointSDFModule, NonFiniteLossError, merged_needs
 from jointsdf.optimizers import MuonAdam, parameter_groups
-from jointsdf.trunk import JointField, SirenTrunk
+from jointsdf.trunk import SirenTrunk
 from jointsdf.values import InputError, Samples, Step
 
 BuildField = Callable[..., JointField]

@@ -200,7 +200,8 @@ def test_a_killed_process_goes_on(tmp_path, number):
     assert train(tmp_path / "whole", *long).code == 0
     killed = tmp_path / "killed"
     command = [sys.executable, ROOT / "train.py", *QUICK, f"paths.outputs={killed}", *long]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+    threads = {**os.environ, "OMP_NUM_THREADS": str(torch.get_num_threads())}  # sums depend on their number
+    with subprocess.Popen(command, env=threads, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         wait_for(killed / PLACE / "last.ckpt", process)
         process.send_signal(number)
         output = process.communicate()[0]

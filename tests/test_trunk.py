@@ -11,9 +11,10 @@ import torch
 from torch import Tensor, nn
 
 from jointsdf import trunk as trunk_module
+from jointsdf.field import JointField
 from jointsdf.heads import HEADS
 from jointsdf.layers import SineLayer
-from jointsdf.trunk import JointField, SirenTrunk
+from jointsdf.trunk import SirenTrunk
 from jointsdf.values import BOX, InputError, Normalisation
 
 BuildField = Callable[..., JointField]
@@ -355,3 +356,12 @@ def test_unknown_head_is_an_input_error() -> None:
 def test_wrong_head_arguments_are_input_errors(head: dict[str, object]) -> None:
     with pytest.raises(InputError, match=f"^head {head['name']} with [^\n]*$"):
         JointField({}, head, np.arange(3), NORMALISATION)
+
+
+def test_many_points_are_answered_in_chunks(small_field, monkeypatch: pytest.MonkeyPatch) -> None:
+    field = small_field()
+    points = torch.rand(50, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) * 40
+    whole = field.query(points)
+    monkeypatch.setattr("jointsdf.field.CHUNK", 7)
+    for name, chunked in field.query(points)._asdict().items():
+        torch.testing.assert_close(chunked, getattr(whole, name), rtol=1e-5, atol=1e-6)

@@ -13,11 +13,11 @@ from torch import nn
 from torch.optim import Adam, Optimizer
 
 from jointsdf.data import ShapeDataModule
+from jointsdf.field import JointField
 from jointsdf.heads import HEADS
 from jointsdf.losses.schedule import Schedule
 from jointsdf.module import JointSDFModule, merged_needs
 from jointsdf.sampling import Counts
-from jointsdf.trunk import JointField
 from jointsdf.values import Samples, Shape
 
 CONF = Path(__file__).parents[1] / "conf"
