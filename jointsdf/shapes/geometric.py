@@ -98,7 +98,8 @@ def hierarchy(mesh: LabelledMesh, patches: Int[ndarray, " f"] | None) -> Hierarc
     centres = (mesh.vertices[mesh.faces].mean(axis=1) - mesh.vertices.mean(axis=0)) / size
     order = np.lexsort(centres.round(9).T)  # everything below then breaks ties by place, not by the faces' order
     mesh, centres = LabelledMesh(mesh.vertices, mesh.faces[order], mesh.labels[order]), centres[order]
-    graph, areas = smooth.face_graph(mesh), face_areas(mesh) / face_areas(mesh).sum()
+    graph, areas = smooth.face_graph(mesh), face_areas(mesh)
+    areas = areas / areas.sum()
     regions = smooth.smooth_regions(graph, None if patches is None else patches[order])
     merges, costs, absorbed = Merging(smooth.measured(mesh, graph, regions)).run()
     merges, costs = _with_bodies(merges, costs, areas, centres, regions)
