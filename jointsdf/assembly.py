@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from hydra.errors import HydraException
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
@@ -21,6 +22,7 @@ from jointsdf.data import ShapeDataModule
 from jointsdf.evaluation import Protocol
 from jointsdf.extraction import Extraction
 from jointsdf.field import JointField, first_line
+from jointsdf.machine import choose_backward
 from jointsdf.module import JointSDFModule
 from jointsdf.sampling import Counts
 from jointsdf.values import InputError, Shape
@@ -89,9 +91,10 @@ def load_shape(cfg: DictConfig) -> Shape:
     )
 
 
-def folder_of(cfg: DictConfig, shape: Shape) -> Path:
-    """Where the run's files go."""
-    return Path(cfg.paths.outputs, cfg.study, cfg.variant, cfg.head.name, shape.name, f"seed{cfg.seed}")
+def folder_of(cfg: DictConfig) -> Path:
+    """Where the run's files go; nothing is loaded for it."""
+    name = shapes.name_of(str(cfg.shape), abc_root=cfg.paths.abc_root, abc_missing=cfg.paths.abc_missing)
+    return Path(cfg.paths.outputs, cfg.study, cfg.variant, cfg.head.name, name, f"seed{cfg.seed}")
 
 
 def settings_of(cfg: DictConfig, shape: Shape) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -158,8 +161,14 @@ def _module(cfg: DictConfig, data: ShapeDataModule) -> JointSDFModule:
         loss["schedules"],
         instantiate(cfg.optimizer),
         seed=cfg.seed,
+        backward_dtype=choose_backward(cfg.trainer.backward, gpu=on_gpu(cfg)),
         **{key: cfg.trainer[key] for key in ("max_steps", "head_lr", "clip", "cosine", "warmup")},
     )
+
+
+def on_gpu(cfg: DictConfig) -> bool:
+    """Whether the fit runs on a CUDA device."""
+    return cfg.trainer.accelerator != "cpu" and torch.cuda.is_available()
 
 
 def preview(cfg: DictConfig, shape: Shape, measures: Measures) -> Callable[[SummaryWriter], Preview] | None:

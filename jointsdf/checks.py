@@ -45,7 +45,13 @@ OPTIONAL = {  # checked where the chosen group has them
     "loss.terms.sign_agnostic.alpha": (0.0, math.inf),
 }
 OPTIONAL_INTEGERS = {"num_parts": (2, MOST)}  # or null
-CHOICES = {"resume": ("auto", "never"), "trainer.accelerator": ("auto", "cpu", "gpu"), "force": (True, False)}
+CHOICES = {
+    "resume": ("auto", "never"),
+    "trainer.accelerator": ("auto", "cpu", "gpu"),
+    "trainer.backward": ("float32", "bfloat16", "auto"),
+    "trainer.matmul": ("auto", "default", "onednn"),
+    "force": (True, False),
+}
 NAMES = ("study", "variant", "recipe")
 
 

@@ -1,13 +1,7 @@
-"""Derivatives of a sine network by closed form, so that one ordinary backward gives every parameter gradient.
+"""The derivatives of a sine network that the losses use, and the same of any function by plain autograd, the oracle.
 
-With a_i = omega_i (W_i h_{i-1} + b_i), h_i = sin a_i, c_i = cos a_i and f = w . h_L + b:
-
-    gradient   d_i = omega_i c_i g_i,  g_{i-1} = d_i W_i,  g_L = w,  grad f = g_0          (explicit reverse)
-    H t        a'_i = omega_i W_i h'_{i-1},  h'_i = c_i a'_i,  h'_0 = t                     (forward over reverse)
-               d'_i = omega_i (c_i g'_i - h_i a'_i g_i),  g'_{i-1} = d'_i W_i,  g'_L = 0,  H t = g'_0
-
-The same quantities by plain autograd are `autograd_gradient` and `autograd_mixed`: slower, for any function,
-the oracle.
+Training takes them from `sine_pass`, which computes value and derivatives together; `trace` and `gradient` are for
+asking a fitted field.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,15 +11,15 @@ from typing import Literal, NamedTuple
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn.functional import linear, normalize
+from torch.nn.functional import linear
 
-from jointsdf.layers import SineLayer, sine_cosine
+from jointsdf.layers import SineLayer
 
 ScalarField = Callable[[Float[Tensor, "n 3"]], Float[Tensor, " n"]]
 
 
 class Trace(NamedTuple):
-    """One pass through the sine layers, kept for the passes that follow it.
+    """One pass through the sine layers, kept for the gradient.
 
     Attributes:
         sdf: f(x).
@@ -52,57 +46,25 @@ class Mixed:
 
 
 def trace(layers: Sequence[SineLayer], output: nn.Linear, points: Float[Tensor, "n 3"], *, with_cosines: bool) -> Trace:
-    """Evaluate f and keep what the derivative passes need."""
+    """Evaluate f and keep what `gradient` needs."""
     hidden = points
     sines: list[Tensor] = []
     cosines: list[Tensor] = []
     for layer in layers:
         argument = layer.omega * layer.linear(hidden)
         if with_cosines:
-            hidden, cosine = sine_cosine(argument)
-            cosines.append(cosine)
-        else:
-            hidden = torch.sin(argument)
+            cosines.append(torch.cos(argument))
+        hidden = torch.sin(argument)
         sines.append(hidden)
     return Trace(linear(hidden, output.weight, output.bias).squeeze(-1), sines, cosines)
 
 
-def gradient(
-    layers: Sequence[SineLayer], output: nn.Linear, traced: Trace
-) -> tuple[Float[Tensor, "n 3"], list[Float[Tensor, "n w"]]]:
-    """Gradient of f by explicit reverse.
-
-    Returns:
-        The gradient, dimensionless in the frame of the points, and the adjoints g_i of every layer's output.
-    """
+def gradient(layers: Sequence[SineLayer], output: nn.Linear, traced: Trace) -> Float[Tensor, "n 3"]:
+    """Gradient of f by explicit reverse, dimensionless in the frame of the points."""
     adjoint = output.weight.expand_as(traced.sines[-1])
-    adjoints: list[Tensor] = []
     for layer, cosine in zip(reversed(layers), reversed(traced.cosines), strict=True):
-        adjoints.append(adjoint)
         adjoint = (layer.omega * cosine * adjoint) @ layer.linear.weight
-    return adjoint, adjoints[::-1]
-
-
-def hessian_vector(
-    layers: Sequence[SineLayer],
-    traced: Trace,
-    adjoints: list[Float[Tensor, "n w"]],
-    tangents: Float[Tensor, "n 3"],
-) -> Float[Tensor, "n 3"]:
-    """H t at every point by forward over reverse, t being the point's own tangent vector."""
-    tangent = tangents
-    argument_tangents: list[Tensor] = []
-    for layer, cosine in zip(layers, traced.cosines, strict=True):
-        argument_tangents.append(layer.omega * (tangent @ layer.linear.weight.T))
-        tangent = cosine * argument_tangents[-1]
-    adjoint_tangent: Tensor | None = None
-    for i in range(len(layers) - 1, -1, -1):
-        curvature = -traced.sines[i] * argument_tangents[i] * adjoints[i]
-        if adjoint_tangent is not None:
-            curvature = torch.addcmul(curvature, traced.cosines[i], adjoint_tangent)
-        adjoint_tangent = (layers[i].omega * curvature) @ layers[i].linear.weight
-    assert adjoint_tangent is not None
-    return adjoint_tangent
+    return adjoint
 
 
 def tangent_frame(
@@ -120,37 +82,6 @@ def tangent_frame(
     second = torch.stack([b, sign + y * y * a, -y], -1)
     cosine, sine = torch.cos(angles)[:, None], torch.sin(angles)[:, None]
     return cosine * first + sine * second, cosine * second - sine * first
-
-
-def mixed_derivative(
-    layers: Sequence[SineLayer],
-    output: nn.Linear,
-    points: Float[Tensor, "n 3"],
-    angles: Float[Tensor, " n"],
-    how: Mixed,
-) -> tuple[Float[Tensor, " n"], Float[Tensor, "n 3"], Float[Tensor, " n"]]:
-    """f, grad f and u^T H v in one go, (u, v) being the detached tangent frame of each point turned by its angle.
-
-    Args:
-        layers: The sine layers.
-        output: The linear layer after them.
-        points: Where, in the network frame.
-        angles: Rotation of each frame, radians.
-        how: Exact or by finite differences.
-
-    Returns:
-        sdf (network length), gradient, mixed second derivative (1 / network length).
-    """
-    traced = trace(layers, output, points, with_cosines=True)
-    grad, adjoints = gradient(layers, output, traced)
-    u, v = tangent_frame(normalize(grad.detach(), dim=-1), angles)
-    if how.derivative == "exact":
-        return traced.sdf, grad, (hessian_vector(layers, traced, adjoints, u) * v).sum(-1)
-
-    def value(at: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
-        return trace(layers, output, at, with_cosines=False).sdf
-
-    return traced.sdf, grad, mixed_stencil(value, points, u, v, how.spacing)
 
 
 def mixed_stencil(

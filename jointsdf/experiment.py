@@ -2,23 +2,26 @@
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import torch
 from omegaconf import DictConfig, OmegaConf
 
-from jointsdf import assembly, run_folder
+from jointsdf import assembly, run_folder, run_state
 from jointsdf.board import extract, log_result
 from jointsdf.data import network_distance
 from jointsdf.evaluation import evaluate
 from jointsdf.field import JointField
 from jointsdf.fitting import board_of, fit, save_field
-from jointsdf.machine import peak_memory_mb, reset_peak_memory
+from jointsdf.machine import choose_matmul, peak_memory_mb, reset_peak_memory
+from jointsdf.module import JointSDFModule
 from jointsdf.provenance import code_state, provenance
 from jointsdf.results import ResultRow, config_hash, write_row
+from jointsdf.reuse import known_row
 from jointsdf.shapes.report import MeshReport, mesh_report
 from jointsdf.values import InputError, LabelledMesh, Normalisation, Shape
 from jointsdf.viewing.export import write_mesh
@@ -43,12 +46,17 @@ class Stopwatch:
         self.seconds[stage] = time.perf_counter() - start
 
 
-def run(cfg: DictConfig) -> ResultRow:
+def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
     """Fit one shape, extract and measure its mesh, and leave one result row in the run folder.
 
     A folder that already holds this run's row is left as it is and its row is returned.
 
+    Args:
+        cfg: The composed config.
+        wait: Whether to wait for another process that works on the same run.
+
     Raises:
+        Busy: Another process works on the same run, and `wait` is false.
         InputError: Anything the user can mend: shape, labels, config, folder, checkpoint, a loss that is not finite.
     """
     watch = Stopwatch()
@@ -57,36 +65,74 @@ def run(cfg: DictConfig) -> ResultRow:
     with watch("load"):
         assembly.checked(cfg)
         shape = assembly.load_shape(cfg)
-    folder = assembly.folder_of(cfg, shape)
+    folder = assembly.folder_of(cfg)
     settings, numbers = assembly.settings_of(cfg, shape)
-    if row := run_folder.finished_row(folder, numbers, force=cfg.force):
-        log.info("%s holds this run's result already; force=true runs it again", folder)
-        log.info(summary(row, cfg.evaluation.primary, folder))
+    if row := stored_row(cfg, folder, settings, numbers, wait=wait):
         return row
     with watch("prepare"):
         torch.manual_seed(cfg.seed)
         measures = assembly.measures(cfg)
         data, module = assembly.build(cfg, shape)
+        machine = machine_facts(cfg, module)
         report = mesh_report(shape, data.cloud.normalisation.scale, cfg.extraction.resolution)
         report.log()
-    run_folder.claim(folder, settings, numbers, resume=cfg.resume, force=cfg.force)
-    log.info("%s", folder)
-    preview = assembly.preview(cfg, shape, measures)
-    how = {key: cfg.trainer[key] for key in ("accelerator", "checkpoint_seconds", "log_every")}
-    watch.seconds["fit"], device = fit(module, data, folder, preview=preview, **how)
-    save_field(module.field, folder / "field.ckpt")
-    with watch("extract"):
-        mesh = extract(module.field, measures.extraction)
-        write_mesh(folder, mesh)
-    with watch("evaluate"):
-        scores = measure(measures, shape, mesh, data.cloud.normalisation)
-    with watch("picture"):
-        show(cfg, folder, shape, mesh, module.field, scores[cfg.evaluation.primary])
-    row = result_row(cfg, shape, report, module.field, mesh, scores, watch.seconds, config_hash(numbers), device)
-    write_row(folder, row)
-    (folder / run_folder.CHECKPOINT).unlink(missing_ok=True)
+    with run_state.lock(folder, wait=wait):
+        if row := run_folder.finished_row(folder, numbers, force=cfg.force, reuse=cfg.reuse):
+            return row  # the process that was waited for made it
+        run_state.begin(folder)
+        run_folder.claim(folder, settings, numbers, resume=cfg.resume, force=cfg.force)
+        log.info("%s", folder)
+        preview = assembly.preview(cfg, shape, measures)
+        how = {key: cfg.trainer[key] for key in ("accelerator", "checkpoint_seconds", "log_every")}
+        watch.seconds["fit"], machine["device"] = fit(module, data, folder, preview=preview, **how)
+        save_field(module.field, folder / "field.ckpt")
+        with watch("extract"):
+            mesh = extract(module.field, measures.extraction)
+            write_mesh(folder, mesh)
+        with watch("evaluate"):
+            scores = measure(measures, shape, mesh, data.cloud.normalisation)
+        with watch("picture"):
+            show(cfg, folder, shape, mesh, module.field, scores[cfg.evaluation.primary])
+        row = result_row(cfg, shape, report, module.field, mesh, scores, watch.seconds, config_hash(numbers), machine)
+        write_row(folder, row)
+        (folder / run_folder.CHECKPOINT).unlink(missing_ok=True)
+        run_state.end(folder)
     log.info(summary(row, cfg.evaluation.primary, folder))
     return row
+
+
+def stored_row(
+    cfg: DictConfig, folder: Path, settings: Mapping[str, Any], numbers: Mapping[str, Any], *, wait: bool
+) -> ResultRow | None:
+    """The run's row, where its folder holds it already or, with `reuse`, another study does; the latter is kept there.
+
+    Raises:
+        Busy: Another process works on the same run, and `wait` is false.
+        InputError: The folder holds another config, or a damaged one.
+    """
+    row = run_folder.finished_row(folder, numbers, force=cfg.force, reuse=cfg.reuse)
+    if row:
+        log.info("%s holds this run's result already; force=true runs it again", folder)
+        run_state.end(folder)
+    elif cfg.reuse and not cfg.force:
+        row = known_row(config_hash(numbers), folder, Path(cfg.paths.outputs), Path(cfg.paths.results))
+        if row:
+            with run_state.lock(folder, wait=wait):
+                run_folder.claim(folder, settings, numbers, resume="never", force=False)
+                write_row(folder, row)
+                run_state.end(folder)
+            log.info("%s: taken from %s; reuse=false runs it here", folder, row.provenance[run_folder.REUSED])
+    if row:
+        log.info(summary(row, cfg.evaluation.primary, folder))
+    return row
+
+
+def machine_facts(cfg: DictConfig, module: JointSDFModule) -> dict[str, str | int]:
+    """Choose how matrices are multiplied, and say what the fit uses of this machine."""
+    matmul, threads = choose_matmul(cfg.trainer.matmul), torch.get_num_threads()
+    backward = str(module.backward_dtype or torch.float32).removeprefix("torch.")
+    log.info("machine: %d threads, %s matrix products, backward in %s", threads, matmul, backward)
+    return {"matmul": matmul, "threads": threads, "backward": backward}
 
 
 def measure(measures: assembly.Measures, shape: Shape, mesh: LabelledMesh, normalisation: Normalisation) -> Scores:
@@ -118,7 +164,7 @@ def result_row(
     scores: Scores,
     seconds: dict[str, float],
     identity_hash: str,
-    device: str,
+    machine: dict[str, str | int],
 ) -> ResultRow:
     """The run as a row."""
     return ResultRow(
@@ -145,8 +191,7 @@ def result_row(
         scores=scores,
         provenance=provenance(
             config_hash=identity_hash,
-            device=device,
-            threads=torch.get_num_threads(),
+            **machine,
             mesh_sha256=shape.mesh_sha256,
             label_provider=shape.label_provider,
             resolution=cfg.extraction.resolution,

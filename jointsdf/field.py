@@ -100,7 +100,7 @@ class JointField(nn.Module):
         parameter = self.trunk.output.weight
         inside = ((points.to(self.centre) - self.centre) / self.scale).to(parameter)
         traced = trace(self.trunk.sine_layers, self.trunk.output, inside, with_cosines=True)
-        grad, _ = gradient(self.trunk.sine_layers, self.trunk.output, traced)
+        grad = gradient(self.trunk.sine_layers, self.trunk.output, traced)
         logits = self._logits(torch.cat([traced.sines[self.trunk.tap - 1], inside], -1))
         return FieldQuery(traced.sdf * self.scale.to(parameter), self._parts(logits), logits, grad)
 

@@ -1,33 +1,10 @@
 """Sine layers and the initialisations that keep their activations in distribution (SIREN, Sec. 3.2)."""
 
 import math
-from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-
-
-class _SineCosine(torch.autograd.Function):
-    """sin and cos of one argument whose backward reuses both, instead of computing each of them again."""
-
-    @staticmethod
-    def forward(ctx: Any, argument: Tensor) -> tuple[Tensor, Tensor]:
-        sine, cosine = torch.sin(argument), torch.cos(argument)
-        ctx.save_for_backward(sine, cosine)
-        return sine, cosine
-
-    @staticmethod
-    def backward(ctx: Any, grad_sine: Tensor, grad_cosine: Tensor) -> Tensor:
-        sine, cosine = ctx.saved_tensors
-        grad: Tensor = grad_sine * cosine - grad_cosine * sine
-        return grad
-
-
-def sine_cosine(argument: Float[Tensor, "*shape"]) -> tuple[Float[Tensor, "*shape"], Float[Tensor, "*shape"]]:
-    """(sin, cos) of the argument, differentiable any number of times."""
-    sine, cosine = _SineCosine.apply(argument)  # type: ignore[no-untyped-call]
-    return sine, cosine
 
 
 class SineLayer(nn.Module):

@@ -2,21 +2,24 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import torch
 from jaxtyping import Float
 from lightning import LightningModule
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
+from torch.nn.functional import normalize
 from torch.nn.utils import clip_grad_norm_
 from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 
-from jointsdf.derivatives import Mixed, gradient, mixed_derivative, trace
+from jointsdf.derivatives import Mixed, mixed_stencil, tangent_frame
 from jointsdf.field import JointField
 from jointsdf.losses import Needs, Term
 from jointsdf.losses.schedule import Schedule
 from jointsdf.optimizers import Group, parameter_groups
+from jointsdf.sine_pass import Evaluation, evaluate
 from jointsdf.values import FieldValues, InputError, Samples, Step
 
 
@@ -39,6 +42,7 @@ class JointSDFModule(LightningModule):
         clip: Largest gradient norm, of the trunk and of the head each.
         cosine: Whether every learning rate falls to 0 along a half cosine.
         warmup: Share of the steps over which the rates rise linearly from 0.
+        backward_dtype: Precision of the trunk's backward matrix products; None: that of the parameters.
     """
 
     def __init__(
@@ -55,6 +59,7 @@ class JointSDFModule(LightningModule):
         clip: float = 10.0,
         cosine: bool = False,
         warmup: float = 0.0,
+        backward_dtype: torch.dtype | None = None,
     ) -> None:
         super().__init__()
         if terms.keys() != weights.keys() or not schedules.keys() <= terms.keys():
@@ -67,6 +72,7 @@ class JointSDFModule(LightningModule):
         self.optimizer = optimizer
         self.max_steps, self.seed = max_steps, seed
         self.head_lr, self.clip, self.cosine, self.warmup = head_lr, clip, cosine, warmup
+        self.backward_dtype = backward_dtype
 
     def active_weights(self, step: int) -> dict[str, float]:
         """Weight of every term that counts in this step; terms at 0 are left out."""
@@ -104,15 +110,24 @@ class JointSDFModule(LightningModule):
     def _evaluate_set(
         self, points: Float[Tensor, "n 3"], angles: Float[Tensor, " s"], wanted: frozenset[str | Mixed]
     ) -> FieldValues:
-        trunk = self.field.trunk
         how = next((need for need in wanted if isinstance(need, Mixed)), None)
-        if how is not None:
-            sdf, grad, mixed = mixed_derivative(trunk.sine_layers, trunk.output, points, angles, how)
-            return FieldValues(sdf, grad, mixed)
-        traced = trace(trunk.sine_layers, trunk.output, points, with_cosines="grad" in wanted)
-        slope = gradient(trunk.sine_layers, trunk.output, traced)[0] if "grad" in wanted else None
-        features = torch.cat([traced.sines[trunk.tap - 1], points], -1) if "logits" in wanted else None
-        return FieldValues(traced.sdf, slope, None, None if features is None else self.field.head(features))
+        found = self._pass(
+            points,
+            grad="grad" in wanted or how is not None,
+            angles=angles if how is not None and how.derivative == "exact" else None,
+            tap=self.field.trunk.tap if "logits" in wanted else None,
+        )
+        mixed = found.mixed
+        if how is not None and how.derivative == "finite_difference":
+            assert found.grad is not None
+            u, v = tangent_frame(normalize(found.grad.detach(), dim=-1), angles)
+            mixed = mixed_stencil(lambda at: self._pass(at).sdf, points, u, v, how.spacing)
+        logits = None if found.feature is None else self.field.head(torch.cat([found.feature, points], -1))
+        return FieldValues(found.sdf, found.grad, mixed, logits)
+
+    def _pass(self, points: Float[Tensor, "n 3"], **wanted: Any) -> Evaluation:
+        trunk = self.field.trunk
+        return evaluate(trunk.sine_layers, trunk.output, points, backward_dtype=self.backward_dtype, **wanted)
 
     def configure_optimizers(self) -> OptimizerLRSchedulerConfig:
         """The optimizer over the named groups, and the learning-rate schedule by step."""

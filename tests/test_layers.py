@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import nn
 
-from jointsdf.layers import SineLayer, classifier, hidden_sine, kaiming, sine_cosine
+from jointsdf.layers import SineLayer, classifier, hidden_sine, kaiming
 
 
 def fills(parameter: torch.Tensor, bound: float) -> bool:
@@ -16,27 +16,6 @@ def fills(parameter: torch.Tensor, bound: float) -> bool:
     return bool(
         inside and parameter.max() > 0.9 * bound and parameter.min() < -0.9 * bound and abs(second_moment - 1) < 0.15
     )
-
-
-def test_sine_cosine_values() -> None:
-    argument = torch.linspace(-50, 50, 1001, dtype=torch.float64)
-    sine, cosine = sine_cosine(argument)
-    torch.testing.assert_close(sine, argument.sin(), rtol=0, atol=0)
-    torch.testing.assert_close(cosine, argument.cos(), rtol=0, atol=0)
-
-
-def test_sine_cosine_first_and_second_derivatives() -> None:
-    argument = torch.linspace(-4, 4, 12, dtype=torch.float64).reshape(3, 4).requires_grad_()
-    assert torch.autograd.gradcheck(sine_cosine, (argument,))
-    assert torch.autograd.gradgradcheck(sine_cosine, (argument,))
-
-
-def test_sine_cosine_third_derivative() -> None:
-    x = torch.linspace(-3, 3, 7, dtype=torch.float64, requires_grad=True)
-    value = sine_cosine(x)[0] + 2 * sine_cosine(x)[1]
-    for expected in (x.cos() - 2 * x.sin(), -x.sin() - 2 * x.cos(), -x.cos() + 2 * x.sin()):
-        (value,) = torch.autograd.grad(value.sum(), x, create_graph=True)
-        torch.testing.assert_close(value, expected, rtol=0, atol=1e-14)
 
 
 def test_sine_layer_multiplies_weights_and_bias_by_omega() -> None:

@@ -1,0 +1,79 @@
+"""Forward half of the training pass (formulas in `sine_pass`): value, gradient and H u, recorded for the way back."""
+
+from dataclasses import dataclass, field
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Layers:
+    """Weights and biases with omega in them, and the weights in the precision of the backward products."""
+
+    weights: list[Tensor]
+    biases: list[Tensor]
+    output: Tensor
+    offset: Tensor
+    low: list[Tensor]
+
+
+@dataclass
+class Record:
+    """What the backward pass needs of one chunk of points; lists run over the layers."""
+
+    points: Tensor
+    sines: list[Tensor] = field(default_factory=list)
+    cosines: list[Tensor] = field(default_factory=list)
+    adjoints: list[Tensor] = field(default_factory=list)  # g_i
+    argument_tangents: list[Tensor] = field(default_factory=list)  # p_i
+    adjoint_tangents: list[Tensor | None] = field(default_factory=list)  # q_i, None for the last layer's 0
+    frame: tuple[Tensor, Tensor] | None = None
+
+    def inputs(self, i: int) -> Tensor:
+        """h_{i-1}."""
+        return self.sines[i - 1] if i else self.points
+
+    def tangent(self, i: int) -> Tensor:
+        """t_{i-1}."""
+        assert self.frame is not None
+        return self.cosines[i - 1] * self.argument_tangents[i - 1] if i else self.frame[0]
+
+    def curvature(self, i: int) -> Tensor:
+        """e_i."""
+        negative = self.sines[i] * self.argument_tangents[i] * self.adjoints[i]
+        q = self.adjoint_tangents[i]
+        return negative.neg_() if q is None else torch.addcmul(negative.neg_(), self.cosines[i], q)
+
+
+def value(net: Layers, record: Record) -> Float[Tensor, " n"]:
+    """The field; records h_i and c_i."""
+    hidden = record.points
+    for weight, bias in zip(net.weights, net.biases, strict=True):
+        argument = torch.addmm(bias, hidden, weight.T)
+        record.cosines.append(argument.cos())
+        hidden = argument.sin_()
+        record.sines.append(hidden)
+    return torch.addmv(net.offset, hidden, net.output[0])
+
+
+def gradient(net: Layers, record: Record) -> Float[Tensor, "n 3"]:
+    """Its gradient, after `value`; records g_i."""
+    adjoint = net.output.expand_as(record.sines[-1])
+    for weight, cosine in zip(reversed(net.weights), reversed(record.cosines), strict=True):
+        record.adjoints.insert(0, adjoint)
+        adjoint = (cosine * adjoint) @ weight
+    return adjoint
+
+
+def hessian_vector(net: Layers, record: Record) -> Float[Tensor, "n 3"]:
+    """H u, after `gradient`, u being the first tangent of the record's frame; records p_i and q_i."""
+    assert record.frame is not None
+    tangent = record.frame[0]
+    for weight, cosine in zip(net.weights, record.cosines, strict=True):
+        record.argument_tangents.append(tangent @ weight.T)
+        tangent = cosine * record.argument_tangents[-1]
+    record.adjoint_tangents = [None] * len(net.weights)
+    for i in range(len(net.weights) - 1, 0, -1):
+        record.adjoint_tangents[i - 1] = record.curvature(i) @ net.weights[i]
+    return record.curvature(0) @ net.weights[0]

@@ -1,0 +1,200 @@
+"""The hand-written pass against plain autograd, for every order, head, objective and size of network."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import hydra
+import pytest
+import torch
+from hydra import compose, initialize_config_dir
+from torch import Tensor
+
+from jointsdf import sine_pass
+from jointsdf.derivatives import Mixed, autograd_gradient, autograd_mixed, mixed_stencil, tangent_frame
+from jointsdf.field import JointField
+from jointsdf.losses import Needs
+from jointsdf.module import JointSDFModule, merged_needs
+from jointsdf.sine_pass import Evaluation, evaluate
+from jointsdf.trunk import SirenTrunk
+from jointsdf.values import FieldValues, Samples, Step
+
+CONF = str(Path(__file__).parents[1] / "conf")
+NETWORKS = [  # width, depth, omega, hidden_omega
+    (16, 1, 30.0, 30.0),
+    (16, 2, 30.0, 1.0),
+    (24, 3, 10.0, 30.0),
+    (32, 5, 30.0, 30.0),
+    (32, 5, 30.0, 1.0),
+    (8, 7, 5.0, 2.0),
+]
+WANTED = ["value", "grad", "mixed"]
+Sizes = tuple[int, int, float, float]
+
+
+def network(width: int, depth: int, omega: float, hidden_omega: float, **options: Any) -> SirenTrunk:
+    torch.manual_seed(width + depth)
+    trunk = SirenTrunk(width=width, depth=depth, omega=omega, hidden_omega=hidden_omega, **{"tap": 1, **options})
+    torch.nn.init.uniform_(trunk.output.weight, -1, 1)
+    return trunk.double()
+
+
+def plain(trunk: SirenTrunk, points: Tensor, tap: int = 1) -> tuple[Tensor, Tensor]:
+    """f and the tapped activations in plain torch operations, apart from the code under test."""
+    hidden, activations = points, []
+    for layer in trunk.sine_layers:
+        hidden = torch.sin(layer.omega * (hidden @ layer.linear.weight.T + layer.linear.bias))
+        activations.append(hidden)
+    return (hidden @ trunk.output.weight.T + trunk.output.bias)[:, 0], activations[tap - 1]
+
+
+def oracle(trunk: SirenTrunk, points: Tensor, angles: Tensor, tap: int = 1) -> Evaluation:
+    """All of it by double backward."""
+    points = points.clone().requires_grad_()
+    sdf, feature = plain(trunk, points, tap)
+    grad = autograd_gradient(lambda at: plain(trunk, at)[0], points)
+    u, v = tangent_frame(torch.nn.functional.normalize(grad.detach(), dim=-1), angles)
+    return Evaluation(sdf, feature, grad, autograd_mixed(lambda at: plain(trunk, at)[0], points, u, v))
+
+
+def random_points(count: int = 40) -> tuple[Tensor, Tensor]:
+    generator = torch.Generator().manual_seed(3)
+    points = torch.rand(count, 3, dtype=torch.float64, generator=generator) * 2.2 - 1.1
+    return points, torch.rand(count, dtype=torch.float64, generator=generator) * 2 * math.pi
+
+
+def relative(a: Tensor, b: Tensor) -> float:
+    return ((a.double() - b.double()).norm() / b.double().norm()).item()
+
+
+def parameter_gradients(trunk: SirenTrunk, loss: Tensor) -> list[Tensor]:
+    found = torch.autograd.grad(loss, list(trunk.parameters()), allow_unused=True)
+    return [torch.zeros_like(p) if g is None else g for p, g in zip(trunk.parameters(), found, strict=True)]
+
+
+@pytest.mark.parametrize("chunk", [7, 40])
+@pytest.mark.parametrize("tap", [None, 1, "last"])
+@pytest.mark.parametrize("wanted", WANTED)
+@pytest.mark.parametrize("sizes", NETWORKS, ids=str)
+def test_values_and_parameter_gradients_equal_double_backward(
+    monkeypatch: pytest.MonkeyPatch, sizes: Sizes, wanted: str, tap: int | str | None, chunk: int
+) -> None:
+    monkeypatch.setattr(sine_pass, "CPU_CHUNK", chunk)
+    trunk, (points, angles) = network(*sizes), random_points()
+    layer = sizes[1] if tap == "last" else tap
+    expected = oracle(trunk, points, angles, layer or 1)
+    found = evaluate(
+        trunk.sine_layers,
+        trunk.output,
+        points,
+        grad=wanted == "grad",
+        angles=angles if wanted == "mixed" else None,
+        tap=layer,
+    )
+    given = [a is not None for a in found]
+    assert given == [True, tap is not None, wanted != "value", wanted == "mixed"]
+    generator = torch.Generator().manual_seed(0)
+    losses = []
+    for values in (found, expected):
+        losses.append(torch.zeros((), dtype=torch.float64))
+        for value, asked in zip(values, given, strict=True):
+            if asked:
+                factors = torch.randn(value.shape, dtype=torch.float64, generator=generator.manual_seed(value.ndim))
+                losses[-1] = losses[-1] + (factors * value).sum() + value.abs().sum()
+    for a, b, asked in zip(found, expected, given, strict=True):
+        assert not asked or relative(a, b) < 1e-10
+    pairs = zip(*(parameter_gradients(trunk, loss) for loss in losses), strict=True)
+    assert all(relative(a, b) < 1e-10 for a, b in pairs)
+
+
+@pytest.mark.parametrize("output", range(4), ids=Evaluation._fields)
+def test_a_loss_of_one_output_alone_gets_its_gradient(output: int) -> None:
+    """What no loss uses sends no adjoint back."""
+    trunk, (points, angles) = network(24, 3, 10.0, 30.0), random_points()
+    found = evaluate(trunk.sine_layers, trunk.output, points, angles=angles, tap=2)[output]
+    expected = oracle(trunk, points, angles, tap=2)[output]
+    pairs = list(zip(*(parameter_gradients(trunk, (v**2).sum()) for v in (found, expected)), strict=True))
+    assert all(relative(a, b) < 1e-10 for a, b in pairs if b.norm() > 0)
+    assert all(not a.any() for a, b in pairs if b.norm() == 0)
+
+
+def oracle_step(module: JointSDFModule, samples: Samples, needs: Needs) -> Step:
+    """`module.evaluate` by double backward: a pass per quantity, nothing shared."""
+    fields, trunk = {}, module.field.trunk
+    for name, wanted in needs.items():
+        points = getattr(samples, name)
+        angles = samples.angles[: len(points)]
+        values = oracle(trunk, points, angles, trunk.tap)
+        mixed = values.mixed
+        if Mixed("finite_difference") in wanted:
+            u, v = tangent_frame(torch.nn.functional.normalize(values.grad.detach(), dim=-1), angles)
+            mixed = mixed_stencil(lambda at: plain(trunk, at)[0], points, u, v, 0.05)
+        logits = module.field.head(torch.cat([values.feature, points], -1)) if "logits" in wanted else None
+        fields[name] = FieldValues(values.sdf, values.grad, mixed, logits)
+    return Step(fields, samples.labels, samples.pool_distances)
+
+
+def samples_of(dtype: torch.dtype, count: int = 24) -> Samples:
+    g = torch.Generator().manual_seed(0)
+    manifold, non_manifold, shell, pool = (torch.rand(4, count, 3, generator=g, dtype=dtype) * 2 - 1).unbind()
+    angles = torch.rand(count, generator=g, dtype=dtype) * 6
+    return Samples(manifold, torch.arange(count) % 4, non_manifold, shell, angles, pool, pool[:, 0] * 0.5)
+
+
+def total(module: JointSDFModule, step: Step) -> Tensor:
+    weights = module.active_weights(0)
+    return torch.stack([weight * module.terms[name](step) for name, weight in weights.items()]).sum()
+
+
+@pytest.mark.parametrize("derivative", ["exact", "finite_difference"])
+@pytest.mark.parametrize("loss", ["paper", "flatcad", "joint", "points"])
+@pytest.mark.parametrize("head", ["relu", "siren", "hybrid", "deep_skip", "none"])
+@pytest.mark.parametrize("dtype", [torch.float64, torch.float32], ids=str)
+def test_every_objective_and_head_has_the_oracles_gradients(
+    small_field: Callable[..., JointField], dtype: torch.dtype, head: str, loss: str, derivative: str
+) -> None:
+    with initialize_config_dir(CONF, version_base=None):
+        cfg = compose("config", [f"loss={loss}", f"loss.terms.weingarten.derivative={derivative}"])
+    objective = hydra.utils.instantiate(cfg.loss, _convert_="all")
+    weights = objective["weights"] | ({"cross_entropy": 0} if head == "none" else {})
+    field = small_field(head).eval().to(dtype)
+    torch.nn.init.uniform_(field.trunk.output.weight, -1, 1)
+    module = JointSDFModule(
+        field, objective["terms"], weights, objective["schedules"], torch.optim.Adam, max_steps=100, seed=0
+    )
+    samples = samples_of(dtype)
+    needs = merged_needs([module.terms[name] for name in module.active_weights(0)])
+    parameters = dict(field.named_parameters())
+    gradients = [
+        dict(zip(parameters, torch.autograd.grad(total(module, step), list(parameters.values())), strict=True))
+        for step in (module.evaluate(samples, needs), oracle_step(module, samples, needs))
+    ]
+    for name in parameters:
+        assert relative(gradients[0][name], gradients[1][name]) < (1e-10 if dtype == torch.float64 else 1e-4), name
+
+
+def test_low_precision_touches_the_backward_pass_alone() -> None:
+    trunk, (points, angles) = network(64, 4, 30.0, 30.0).float(), random_points(400)
+    points, angles = points.float(), angles.float()
+    runs = [
+        evaluate(trunk.sine_layers, trunk.output, points, angles=angles, tap=2, backward_dtype=dtype)
+        for dtype in (None, torch.bfloat16)
+    ]
+    for exact, low in zip(*runs, strict=True):
+        assert torch.equal(exact, low)
+    losses = [run.sdf.abs().sum() + run.grad.square().sum() + run.mixed.abs().sum() for run in runs]
+    for exact, low in zip(*(parameter_gradients(trunk, loss) for loss in losses), strict=True):
+        assert exact.dtype == low.dtype == torch.float32
+        assert relative(low, exact) < 0.02
+
+
+def test_stencil_in_the_network_converges_to_the_exact_derivative_at_second_order() -> None:
+    trunk, (points, angles) = network(32, 3, 5.0, 30.0), random_points()
+    exact = evaluate(trunk.sine_layers, trunk.output, points, angles=angles)
+    u, v = tangent_frame(torch.nn.functional.normalize(exact.grad, dim=-1), angles)
+    coarse, fine = (
+        relative(mixed_stencil(lambda at: plain(trunk, at)[0], points, u, v, h), exact.mixed) for h in (2e-3, 1e-3)
+    )
+    assert fine < 1e-3
+    assert coarse / fine == pytest.approx(4, rel=0.02)
