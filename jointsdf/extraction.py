@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy import ndarray
-from skimage.measure import marching_cubes
 
 from jointsdf.borders import Label, majority, split
-from jointsdf.grid import Grid, Sdf, cells_near_surface, mixed
-from jointsdf.values import BOX, InputError, LabelledMesh, Normalisation
+from jointsdf.grid import Grid, Sdf
+from jointsdf.marching import march
+from jointsdf.search import cells_near_surface
+from jointsdf.values import InputError, LabelledMesh, Normalisation
 
 log = logging.getLogger(__name__)
 
@@ -51,7 +52,7 @@ class Extraction:
     resolution: int = 256
     method: str = "sparse"
     borders: str = "majority"
-    chunk: int = 65536
+    chunk: int = 8192
 
     def __post_init__(self) -> None:
         if self.method not in ("sparse", "dense"):
@@ -71,12 +72,11 @@ class Extraction:
         """
         grid = Grid(sdf, self.resolution, self.chunk)
         if self.method == "sparse":
-            cells = cells_near_surface(grid)
+            cells_near_surface(grid)
         else:
-            cells = np.ones((self.resolution - 1,) * 3, dtype=bool)
-            grid.evaluate(cells)
-        evaluated = float(grid.known.mean())
-        vertices, faces = _march(grid, cells)
+            grid.evaluate_all()
+        vertices, faces = march(grid)
+        evaluated = grid.calls / self.resolution**3
         log.info("extraction: %.1f%% of %d^3 grid points evaluated", 100 * evaluated, self.resolution)
         return Surface(vertices, faces, evaluated)
 
@@ -100,16 +100,3 @@ class Extraction:
         else:
             labels = majority(vertices, faces, ask(vertices), ask)
         return LabelledMesh(normalisation.inverse(vertices), faces, labels)
-
-
-def _march(grid: Grid, cells: Bool[ndarray, "c c c"]) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]]:
-    nothing = np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
-    if not (cells & mixed(grid.values, (0, 1, 2))).any():
-        return nothing
-    # skimage reads a cell's mask at its upper corner.
-    mask = np.pad(cells, ((1, 0),) * 3)
-    try:
-        vertices, faces, *_ = marching_cubes(grid.values, 0.0, mask=mask, allow_degenerate=False)
-    except RuntimeError:  # skimage's answer to a level set of single points
-        return nothing
-    return vertices.astype(np.float64) * grid.spacing - BOX, faces.astype(np.int64)

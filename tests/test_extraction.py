@@ -8,6 +8,7 @@ import pytest
 import torch
 import trimesh
 from scipy.spatial import KDTree
+from skimage.measure import marching_cubes
 from torch import Tensor, nn
 
 from jointsdf.extraction import Extraction, Surface
@@ -98,7 +99,7 @@ def assert_same(sparse: Surface, dense: Surface) -> None:
     assert len(dense.faces) > 0
 
 
-@pytest.mark.parametrize(("resolution", "share"), [(128, 0.10), (256, 0.06)])
+@pytest.mark.parametrize(("resolution", "share"), [(128, 0.11), (256, 0.07)])
 def test_sphere_is_within_a_tenth_of_a_cell(resolution: int, share: float) -> None:
     surface = Extraction(resolution).surface(ball((0.013, -0.021, 0.034), 0.7))
     offsets = np.linalg.norm(surface.vertices - [0.013, -0.021, 0.034], axis=1) - 0.7
@@ -108,6 +109,25 @@ def test_sphere_is_within_a_tenth_of_a_cell(resolution: int, share: float) -> No
     assert mesh.euler_number == 2
     assert mesh.volume == pytest.approx(4 / 3 * np.pi * 0.7**3, rel=1e-3)  # positive: faces look outward
     assert surface.evaluated < share
+
+
+@pytest.mark.parametrize(
+    ("sdf", "resolution"),
+    [(drilled_box, 97), (torus, 97), (plate, 97), pytest.param(drilled_box, 256, marks=pytest.mark.slow)],
+)
+def test_mesh_is_that_of_marching_cubes_over_the_whole_grid_at_once(sdf: Sdf, resolution: int) -> None:
+    """Same vertices, same faces, both up to order: slabs are welded as if there were none."""
+    axis = np.linspace(-BOX, BOX, resolution).astype(np.float32)
+    points = axis[np.indices((resolution,) * 3).reshape(3, -1).T]
+    values = np.concatenate([sdf(part) for part in np.array_split(points, 64)]).astype(np.float32)
+    vertices, faces, *_ = marching_cubes(values.reshape((resolution,) * 3), 0.0, allow_degenerate=False)
+    vertices = vertices.astype(np.float64) * (2 * BOX / (resolution - 1)) - BOX
+    found = Extraction(resolution).surface(sdf)
+    distance, which = KDTree(vertices).query(found.vertices)
+    assert distance.max() < 1e-7  # float32 of a whole grid's coordinate
+    assert len(np.unique(which)) == len(which) == len(vertices)
+    assert {frozenset(face) for face in which[found.faces].tolist()} == {frozenset(face) for face in faces.tolist()}
+    assert as_trimesh(found).volume > 0
 
 
 @pytest.mark.parametrize("resolution", [97, 128])
@@ -149,6 +169,58 @@ def test_sparse_is_dense_on_an_unfitted_field(omega: float, spread: float, seed:
     assert_same(Extraction(64, "sparse").surface(field.sdf), Extraction(64, "dense").surface(field.sdf))
 
 
+def stepped(signed: np.ndarray, high: float, slope: float) -> np.ndarray:
+    """A field that is flat but for a band around the zero of another: steep there, and nothing foretells it."""
+    return np.clip(slope * signed, -high, high)
+
+
+def far_sheet(points: np.ndarray) -> np.ndarray:
+    """A ball, and far from it a closed sheet 1.5 cells thick between two planes of the coarse lattice."""
+    sheet = box(points - (np.array([0, 0, 102 * CELL - BOX])), (0.9, 0.9, 0.75 * CELL))
+    return np.minimum(ball((0, 0, -0.5), 0.3)(points), stepped(sheet, 0.2, 10))
+
+
+def floater(points: np.ndarray) -> np.ndarray:
+    """A ball, and far from it one of radius 1.5 cells amid eight points of the coarse lattice, 20 times steeper."""
+    small = ball(tuple(np.array([98, 98, 106]) * CELL - BOX), 1.5 * CELL)(points)
+    return np.minimum(ball((-0.3, -0.3, -0.5), 0.3)(points), stepped(small, 0.6, 20))
+
+
+def steep_noise(points: np.ndarray) -> np.ndarray:
+    """A ball, and a far region where a wave shorter than the coarse lattice reaches below zero here and there."""
+    waves = np.prod(np.sin(points * np.array([97.0, 89.0, 83.0])), axis=1)
+    envelope = np.exp(-((points - 0.6) ** 2).sum(axis=1) / 0.1)
+    return ball((-0.3, -0.3, -0.5), 0.4)(points) - 2.0 * envelope * waves
+
+
+@pytest.mark.parametrize("sdf", [far_sheet, floater, steep_noise], ids=lambda sdf: sdf.__name__)
+def test_checks_find_what_the_slope_between_lattice_points_does_not_foretell(
+    sdf: Sdf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dense = Extraction(128, "dense").surface(sdf)
+    assert as_trimesh(dense).body_count > 1
+    sparse = Extraction(128).surface(sdf)
+    assert_same(sparse, dense)
+    assert sparse.evaluated < 0.5
+    unchecked = "jointsdf.search._check"
+    monkeypatch.setattr(unchecked, lambda _grid, _skipped, _rng, shape: np.zeros(shape))
+    assert len(Extraction(128).surface(sdf).faces) < len(dense.faces), "no test of the checks: found without them"
+
+
+def test_most_tiny_floaters_at_random_places_are_found() -> None:
+    """Radius 1.8 cells, within a flank of 1.1 cells: about as small and steep as a field on this grid can be."""
+    found = 0
+    for seed in range(12):
+        centre = np.random.default_rng(seed).uniform(0.1, 0.9, 3)
+
+        def sdf(points: np.ndarray, centre: np.ndarray = centre) -> np.ndarray:
+            small = stepped(ball(tuple(centre), 1.8 * 2 * BOX / 63)(points), 0.6, 15)
+            return np.minimum(ball((-0.4, -0.4, -0.4), 0.3)(points), small)
+
+        found += as_trimesh(Extraction(64).surface(sdf)).body_count == 2
+    assert found >= 10
+
+
 @pytest.mark.parametrize("method", ["sparse", "dense"])
 def test_chunks_do_not_change_the_mesh(method: str) -> None:
     whole = Extraction(48, method, chunk=1 << 20).surface(torus)
@@ -158,17 +230,20 @@ def test_chunks_do_not_change_the_mesh(method: str) -> None:
     assert whole.evaluated == pieces.evaluated
 
 
-def test_no_point_is_evaluated_twice_and_coordinates_are_not_rounded() -> None:
+@pytest.mark.parametrize("method", ["sparse", "dense"])
+def test_no_point_is_evaluated_twice_and_coordinates_are_not_rounded(method: str) -> None:
     seen: list[np.ndarray] = []
 
     def recorded(points: np.ndarray) -> np.ndarray:
         seen.append(points)
         return torus(points)
 
-    surface = Extraction(64).surface(recorded)
+    surface = Extraction(64, method).surface(recorded)
     points = np.concatenate(seen)
     assert points.dtype == np.float32
-    assert len(np.unique(points, axis=0)) == len(points) == round(surface.evaluated * 64**3)
+    assert len(points) == round(surface.evaluated * 64**3)
+    twice = len(points) - len(np.unique(points, axis=0))
+    assert twice <= (0 if method == "dense" else 0.02 * len(points)), "only checks may meet a point again"
     index = (points.astype(np.float64) + BOX) / (2 * BOX / 63)
     assert np.abs(index - np.rint(index)).max() < 63 * 1e-7  # half a float32 unit, in cells
 

@@ -1,5 +1,6 @@
 import logging
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +9,12 @@ import trimesh
 
 from jointsdf import shapes
 from jointsdf.shapes.repair import cleaned
-from jointsdf.shapes.report import FINEST, MeshReport, mesh_report
+from jointsdf.shapes.report import CELLS, FINEST, LADDER, MeshReport, mesh_report, resolution_for
 from jointsdf.values import BOX, LabelledMesh, Shape
 
 
 def report_on(
-    mesh: trimesh.Trimesh, resolution: int = 256, labels: np.ndarray | None = None, scale: float = 1.0
+    mesh: trimesh.Trimesh, resolution: int | str = 256, labels: np.ndarray | None = None, scale: float = 1.0
 ) -> MeshReport:
     solid = cleaned("it", np.array(mesh.vertices), np.array(mesh.faces))
     labels = np.zeros(len(solid.faces), dtype=np.int64) if labels is None else labels
@@ -64,6 +65,25 @@ def test_a_wall_under_two_cells_warns_with_the_resolution_that_holds_it(caplog: 
     thin.log()
     assert [record.getMessage() for record in caplog.records] == [*thin.lines(), warning]
     assert [record.levelname for record in caplog.records][-1] == "WARNING"
+
+
+@pytest.mark.parametrize(
+    ("thickness", "resolution"),
+    [(3.0, 256), (0.1733, 256), (0.17, 384), (0.09, 512), (0.06, 768), (0.05, 1024), (0.01, 1024)],
+)
+def test_auto_is_the_coarsest_grid_with_two_cells_across_the_wall(thickness: float, resolution: int) -> None:
+    report = report_on(plate(thickness), "auto", scale=10.0)
+    assert report.resolution == resolution
+    assert report.cell == pytest.approx(2 * BOX * 10.0 / (resolution - 1))
+    assert (report.warnings() == []) == (report.wall >= CELLS * report.cell)
+    assert all("no grid up to 1024 can hold it" in line for line in report.warnings())
+
+
+def test_every_step_of_the_ladder_is_taken_and_no_wall_is_the_coarsest() -> None:
+    for coarser, finer in pairwise(LADDER):
+        wall = 2 * 2 * BOX / (coarser - 1)
+        assert (resolution_for(1.001 * wall), resolution_for(0.999 * wall)) == (coarser, finer)
+    assert resolution_for(float("inf")) == LADDER[0]
 
 
 def test_bodies_that_overlap_are_told_by_the_surface_inside() -> None:

@@ -44,6 +44,23 @@ def shape_names() -> list[str]:
     return [*builtin.part_names(), *abc.catalogue()]
 
 
+def name_of(shape: str, *, abc_root: str | Path, abc_missing: str) -> str:
+    """The name that rows and folders give a shape, without loading it: its own, or a mesh file's stem and content.
+
+    Args:
+        shape: As for `load`; need not be there.
+        abc_root: As for `load`.
+        abc_missing: As for `load`.
+    """
+    if shape in abc.catalogue():
+        fallback = abc_missing == "fallback" and not abc.mesh_path(shape, abc_root).is_file()
+        return FALLBACK if fallback else shape
+    path = Path(shape).expanduser()
+    if shape in builtin.BUILTINS or not path.is_file():
+        return _stem(path)
+    return f"{_stem(path)}-{hashlib.sha256(path.read_bytes()).hexdigest()[:6]}"
+
+
 def load(
     shape: str,
     *,
@@ -151,9 +168,8 @@ def _from_path(path: Path, wanted: Wanted, name: str = "", tolerances: tuple[flo
         needed=wanted.needed,
     )
     labels, provider = provide(wanted.labels, subject)
-    stem = re.sub(r"[^A-Za-z0-9._-]", "_", path.stem).lstrip(".")[:100] or "mesh"
     return Shape(
-        name or f"{stem}-{found.sha256[:6]}",
+        name or f"{_stem(path)}-{found.sha256[:6]}",
         replace(unlabelled, labels=labels),
         found.sha256,
         provider,
@@ -161,6 +177,10 @@ def _from_path(path: Path, wanted: Wanted, name: str = "", tolerances: tuple[flo
         flipped=solid.flipped,
         dropped=len(found.faces) - len(solid.faces),
     )
+
+
+def _stem(path: Path) -> str:
+    return re.sub(r"[^A-Za-z0-9._-]", "_", path.stem).lstrip(".")[:100] or "mesh"
 
 
 def triangles(

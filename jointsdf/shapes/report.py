@@ -20,7 +20,8 @@ WITHIN = 0.4  # winding number outside a face, above which the face lies within:
 THINNEST = 0.01  # share of the surface whose walls are as thin as the thinnest one, or thinner
 SUSPECT = 0.001  # share of points from which rays or windings say something; fewer are edges and corners
 CELLS = 2  # grid cells that a wall needs
-FINEST = 1024  # largest resolution of the extraction grid
+LADDER = (256, 384, 512, 768, 1024)  # resolutions that a wall is given: the first with so many cells across it
+FINEST = LADDER[-1]
 LISTED = 24  # parts on the screen
 
 logger = logging.getLogger(__name__)
@@ -117,13 +118,13 @@ class MeshReport:
         }
 
 
-def mesh_report(shape: Shape, scale: float, resolution: int) -> MeshReport:
+def mesh_report(shape: Shape, scale: float, resolution: int | str) -> MeshReport:
     """Measure a shape. The points are the same in every run.
 
     Args:
         shape: File frame.
         scale: File units per network unit.
-        resolution: Points along each axis of the extraction grid.
+        resolution: Points along each axis of the extraction grid; `auto`: as many as the thinnest wall needs.
     """
     mesh = shape.mesh
     areas = face_areas(mesh)
@@ -136,6 +137,8 @@ def mesh_report(shape: Shape, scale: float, resolution: int) -> MeshReport:
     normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True))[faces]
     inward, outward = _reach(corners, points, -normals), _reach(corners, points, normals)
     near = (inward < CONTACT) | (outward < CONTACT)
+    wall = float(np.quantile(inward, THINNEST, method="lower")) * size
+    points_along = resolution_for(wall / scale) if resolution == "auto" else int(resolution)
     return MeshReport(
         shape.name,
         len(mesh.faces),
@@ -145,11 +148,20 @@ def mesh_report(shape: Shape, scale: float, resolution: int) -> MeshReport:
         shape.dropped,
         float(near.mean()),
         _buried(corners, points, normals),
-        float(np.quantile(inward, THINNEST, method="lower")) * size,
-        2 * BOX * scale / (resolution - 1),
-        resolution,
+        wall,
+        2 * BOX * scale / (points_along - 1),
+        points_along,
         tuple((int(mesh.part_ids[part]), float(part_areas[part] / areas.sum())) for part in order),
     )
+
+
+def resolution_for(wall: float) -> int:
+    """The coarsest grid of the ladder with `CELLS` cells across a wall; the finest where none has them.
+
+    Args:
+        wall: Thickness, network length units.
+    """
+    return next((resolution for resolution in LADDER if wall * (resolution - 1) >= CELLS * 2 * BOX), FINEST)
 
 
 def _in_box(mesh: LabelledMesh) -> tuple[Float[ndarray, "f 3 3"], float]:
