@@ -1,10 +1,8 @@
-"""Exact signed distance and closest face of a triangle mesh, by libigl.
+"""Closest points and exact signed distance of a triangle mesh, by libigl.
 
 The sign of a watertight mesh is that of the angle-weighted pseudonormal, exact everywhere. The sign of any other mesh
 is that of the generalised winding number: right away from the holes, a smooth guess near them.
 """
-
-from collections.abc import Iterator
 
 import igl
 import numpy as np
@@ -13,8 +11,30 @@ from numpy import ndarray
 
 from jointsdf.values import LabelledMesh
 
-# Points per libigl call. Bounds the memory; large, because every call builds its search tree anew.
-CHUNK = 1 << 18
+BINS = 16  # along each axis: neighbouring questions meet the same branches of the search tree while they are in cache
+
+
+class ClosestPoint:
+    """The closest point of a mesh, its search tree built once.
+
+    Args:
+        mesh: The surface, at least one face. Points and distances are in its frame and unit.
+    """
+
+    def __init__(self, mesh: LabelledMesh) -> None:
+        assert not mesh.is_empty, "no distance to an empty mesh"
+        self.vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
+        self.faces = np.ascontiguousarray(mesh.faces, dtype=np.int64)
+        self._tree = igl.AABB()
+        self._tree.init(self.vertices, self.faces)
+
+    def query(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Int[ndarray, " n"]]:
+        """Distance to the closest point of the surface, and the face that holds it."""
+        order = in_space_order(points)
+        squared, closest, _ = self._tree.squared_distance(self.vertices, self.faces, _ordered(points, order))
+        distances, faces = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
+        distances[order], faces[order] = np.sqrt(squared), closest
+        return distances, faces
 
 
 class ExactDistance:
@@ -26,9 +46,7 @@ class ExactDistance:
     """
 
     def __init__(self, mesh: LabelledMesh, *, watertight: bool) -> None:
-        assert not mesh.is_empty, "no distance to an empty mesh"
-        self.vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
-        self.faces = np.ascontiguousarray(mesh.faces, dtype=np.int64)
+        self.closest = ClosestPoint(mesh)
         self.watertight = watertight
 
     def signed(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
@@ -37,8 +55,7 @@ class ExactDistance:
         Args:
             points: Where, in the frame of the mesh's vertices.
         """
-        measure = self._pseudonormal if self.watertight else self._winding
-        return np.concatenate([np.zeros(0), *(measure(chunk) for chunk in _chunks(points))])
+        return self._pseudonormal(points) if self.watertight else self._winding(points)
 
     def closest_face(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
         """Index of the face that holds the closest point of the surface.
@@ -46,21 +63,33 @@ class ExactDistance:
         Args:
             points: Where, in the frame of the mesh's vertices.
         """
-        found = [igl.point_mesh_squared_distance(chunk, self.vertices, self.faces)[1] for chunk in _chunks(points)]
-        return np.concatenate([np.zeros(0, np.int64), *found]).astype(np.int64)
+        return self.closest.query(points)[1]
 
     def _pseudonormal(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         sign = igl.SignedDistanceType.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
-        distances: ndarray = igl.signed_distance(points, self.vertices, self.faces, sign)[0]
+        order = in_space_order(points)
+        distances = np.zeros(len(points))
+        if len(points):
+            asked = _ordered(points, order)
+            distances[order] = igl.signed_distance(asked, self.closest.vertices, self.closest.faces, sign)[0]
         return distances
 
     def _winding(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         # libigl's own fast-winding distance scales the value by 1 - 2w, and w is approximate: only its sign is used.
-        squared = igl.point_mesh_squared_distance(points, self.vertices, self.faces)[0]
-        winding = igl.fast_winding_number(self.vertices, self.faces, points)
-        return np.where(winding > 0.5, -1.0, 1.0) * np.sqrt(squared)
+        distances, _ = self.closest.query(points)
+        winding = igl.fast_winding_number(self.closest.vertices, self.closest.faces, _ordered(points, slice(None)))
+        return np.where(winding > 0.5, -1.0, 1.0) * distances
 
 
-def _chunks(points: Float[ndarray, "n 3"]) -> Iterator[Float[ndarray, "m 3"]]:
-    for start in range(0, len(points), CHUNK):
-        yield np.ascontiguousarray(points[start : start + CHUNK], dtype=np.float64)
+def in_space_order(points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
+    """The order of the points by bins of space, so that one is asked near the one before it."""
+    if len(points) == 0:
+        return np.arange(0)
+    low, high = points.min(axis=0), points.max(axis=0)
+    side = float((high - low).max()) or 1.0
+    bins = ((points - low) / side * BINS).astype(np.int64)
+    return np.argsort(bins @ np.array([(BINS + 1) ** 2, BINS + 1, 1]), kind="stable")
+
+
+def _ordered(points: Float[ndarray, "n 3"], order: Int[ndarray, " n"] | slice) -> Float[ndarray, "n 3"]:
+    return np.ascontiguousarray(points[order], dtype=np.float64)

@@ -1,13 +1,14 @@
-"""Scores of a reconstruction: samples both surfaces once per protocol, and runs every metric on the same samples."""
+"""Scores of a reconstruction: samples each surface once per protocol, and runs every metric on the same samples."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from jointsdf.metrics import Metric
-from jointsdf.sampling import area_uniform, face_normals
+from jointsdf.surfaces import area_uniform, face_normals
 from jointsdf.values import InputError, LabelledMesh, Normalisation, SurfaceSamples
 
 # Evaluation has seeds of its own, so that all heads and seeds of a shape meet the same ground truth samples. The floor
@@ -16,6 +17,7 @@ TRUTH_SEED = 1_000_001
 PREDICTED_SEED = 1_000_002
 
 FRAMES = ("truth", "own")
+Scores = dict[str, dict[str, float]]  # protocol -> column -> value
 
 
 @dataclass(frozen=True)
@@ -46,68 +48,83 @@ class Protocol:
             raise InputError(f"evaluation points={self.points}: use a number above 0")
 
 
-def evaluate(
-    predicted: LabelledMesh,
-    truth: LabelledMesh,
-    ceiling: LabelledMesh | None,
-    protocols: Mapping[str, Protocol],
-) -> dict[str, dict[str, float]]:
-    """Score a prediction by every protocol.
+@dataclass(frozen=True)
+class GroundTruth:
+    """What predictions are compared with: one true mesh, sampled once per protocol for all that it is compared with.
 
     Args:
-        predicted: The reconstruction, file frame. May be empty.
-        truth: The ground truth, file frame.
-        ceiling: The mesh of the exact distance on the prediction's grid with the closest true labels, file frame: what
-            grid and face rule alone cost. None leaves every `<key>_ceiling` NaN.
+        mesh: File frame.
         protocols: Ways to compare, by name.
-
-    Returns:
-        Per protocol: every metric, `<key>_floor` (the ground truth against itself, sampled twice) and `<key>_ceiling`.
-
-    Raises:
-        InputError: Two metrics of a protocol write the same column.
     """
-    return {name: _scores(protocol, predicted, truth, ceiling) for name, protocol in protocols.items()}
 
+    mesh: LabelledMesh
+    protocols: Mapping[str, Protocol]
 
-def _scores(
-    protocol: Protocol, predicted: LabelledMesh, truth: LabelledMesh, ceiling: LabelledMesh | None
-) -> dict[str, float]:
-    true = _framed_samples(protocol, truth, truth, TRUTH_SEED)
-    found = _framed_samples(protocol, predicted, truth, PREDICTED_SEED)
-    again = _framed_samples(protocol, truth, truth, PREDICTED_SEED)
-    best = _framed_samples(protocol, ceiling, truth, PREDICTED_SEED) if ceiling is not None else None
-    scores: dict[str, float] = {}
-    for name, metric in protocol.metrics.items():
-        columns = metric(found, true)
-        columns |= _companions(metric, "floor", again, true) | _companions(metric, "ceiling", best, true)
-        repeated = sorted(scores.keys() & columns.keys())
-        if repeated:
-            raise InputError(f"evaluation metric {name!r} repeats the column {repeated[0]!r}: keep one of the two")
-        scores |= columns
-    return scores
+    @cached_property
+    def samples(self) -> dict[str, SurfaceSamples]:
+        """Of the true mesh, by protocol."""
+        return {name: self._sampled(protocol, self.mesh, TRUTH_SEED) for name, protocol in self.protocols.items()}
 
+    def scores(self, predicted: LabelledMesh) -> Scores:
+        """Every metric of every protocol.
 
-def _companions(metric: Metric, kind: str, samples: SurfaceSamples | None, truth: SurfaceSamples) -> dict[str, float]:
-    """The columns `<key>_<kind>` that the metric asks for, NaN without samples to measure."""
-    keys: tuple[str, ...] = getattr(metric, f"{kind}s", ())
-    if not keys:
-        return {}
-    values = metric(samples, truth) if samples is not None else dict.fromkeys(keys, math.nan)
-    return {f"{key}_{kind}": values[key] for key in keys}
+        Args:
+            predicted: The reconstruction, file frame. May be empty.
 
+        Raises:
+            InputError: Two metrics of a protocol write the same column.
+        """
+        return {name: self._scores(name, predicted) for name in self.protocols}
 
-def _framed_samples(protocol: Protocol, mesh: LabelledMesh, truth: LabelledMesh, seed: int) -> SurfaceSamples:
-    frame = bounding_frame(truth if protocol.frame == "truth" else mesh)
-    framed = LabelledMesh(frame.forward(mesh.vertices.astype(np.float64)), mesh.faces.astype(np.int64), mesh.labels)
-    return sample_surface(framed, protocol.points, seed)
+    def companions(self, ceiling: LabelledMesh | None) -> Scores:
+        """What the scores are read against, whatever is predicted: `<key>_floor` and `<key>_ceiling` of every protocol.
+
+        The floor is the ground truth against itself, sampled twice.
+
+        Args:
+            ceiling: The mesh of the exact distance on the prediction's grid with the closest true labels, file frame:
+                what grid and face rule alone cost. None makes every `<key>_ceiling` NaN.
+        """
+        return {
+            name: self._companions(name, "floor", self.mesh) | self._companions(name, "ceiling", ceiling)
+            for name in self.protocols
+        }
+
+    def _scores(self, protocol: str, predicted: LabelledMesh) -> dict[str, float]:
+        found = self._sampled(self.protocols[protocol], predicted, PREDICTED_SEED)
+        scores: dict[str, float] = {}
+        for name, metric in self.protocols[protocol].metrics.items():
+            columns = metric(found, self.samples[protocol])
+            repeated = sorted(scores.keys() & columns.keys())
+            if repeated:
+                raise InputError(f"evaluation metric {name!r} repeats the column {repeated[0]!r}: keep one of the two")
+            scores |= columns
+        return scores
+
+    def _companions(self, protocol: str, kind: str, mesh: LabelledMesh | None) -> dict[str, float]:
+        samples = None if mesh is None else self._sampled(self.protocols[protocol], mesh, PREDICTED_SEED)
+        columns: dict[str, float] = {}
+        for metric in self.protocols[protocol].metrics.values():
+            keys: tuple[str, ...] = getattr(metric, f"{kind}s", ())
+            if keys:
+                nothing = dict.fromkeys(keys, math.nan)
+                values = nothing if samples is None else metric(samples, self.samples[protocol])
+                columns |= {f"{key}_{kind}": values[key] for key in keys}
+        return columns
+
+    def _sampled(self, protocol: Protocol, mesh: LabelledMesh, seed: int) -> SurfaceSamples:
+        frame = bounding_frame(self.mesh if protocol.frame == "truth" else mesh)
+        framed = LabelledMesh(frame.forward(mesh.vertices.astype(np.float64)), mesh.faces.astype(np.int64), mesh.labels)
+        return sample_surface(framed, protocol.points, seed)
 
 
 def bounding_frame(mesh: LabelledMesh) -> Normalisation:
     """The map to the frame where the mesh's bounding box is centred, its longest side 1; identity without faces."""
     if mesh.is_empty:
         return Normalisation(np.zeros(3), 1.0)
-    corners = mesh.vertices[mesh.faces].reshape(-1, 3).astype(np.float64)
+    used = np.zeros(len(mesh.vertices), dtype=bool)
+    used[mesh.faces] = True
+    corners = mesh.vertices[used].astype(np.float64)
     low, high = corners.min(axis=0), corners.max(axis=0)
     return Normalisation((low + high) / 2, float((high - low).max()) or 1.0)
 
@@ -120,8 +137,9 @@ def sample_surface(mesh: LabelledMesh, count: int, seed: int) -> SurfaceSamples:
         count: Number of points. A mesh without any area gets none.
         seed: Of the draw.
     """
-    normals = face_normals(mesh.vertices, mesh.faces)
-    if not normals.any():
-        return SurfaceSamples(mesh, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
+    nothing = SurfaceSamples(mesh, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
+    if mesh.is_empty:
+        return nothing
     points, faces = area_uniform(mesh.vertices, mesh.faces, count, np.random.default_rng(seed))
-    return SurfaceSamples(mesh, points, normals[faces], faces)
+    normals = face_normals(mesh.vertices, mesh.faces[faces])
+    return SurfaceSamples(mesh, points, normals, faces) if normals.any() else nothing

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from jointsdf import distance
 from jointsdf.distance import ExactDistance
 from jointsdf.values import LabelledMesh
 
@@ -92,13 +91,16 @@ def test_frame_and_unit_are_the_meshs() -> None:
     np.testing.assert_allclose(signed, 250 * box_distance(points), atol=1e-7)
 
 
-def test_chunks_do_not_change_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("watertight", [True, False])
+def test_every_point_has_its_own_answer_in_any_company(watertight: bool) -> None:
     points = uniform(1000)
-    exact = ExactDistance(box(), watertight=False)
-    whole = exact.signed(points), exact.closest_face(points)
-    monkeypatch.setattr(distance, "CHUNK", 64)
-    np.testing.assert_array_equal(exact.signed(points), whole[0])
-    np.testing.assert_array_equal(exact.closest_face(points), whole[1])
+    exact = ExactDistance(box(), watertight=watertight)
+    signed, faces = exact.signed(points), exact.closest_face(points)
+    some = np.random.default_rng(0).permutation(1000)[:300]
+    np.testing.assert_array_equal(exact.signed(points[some]), signed[some])
+    np.testing.assert_array_equal(exact.closest_face(points[some]), faces[some])
+    same = np.repeat(points[:1], 5, axis=0)
+    np.testing.assert_array_equal(exact.signed(same), signed[:1].repeat(5))
 
 
 @pytest.mark.parametrize("watertight", [True, False])

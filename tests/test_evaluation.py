@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 from scipy.spatial.transform import Rotation
 from scipy.stats import chisquare
 
-from jointsdf.evaluation import Protocol, bounding_frame, evaluate, sample_surface
+from jointsdf.evaluation import GroundTruth, Protocol, bounding_frame, sample_surface
 from jointsdf.metrics import project
 from jointsdf.metrics.chamfer import Chamfer
 from jointsdf.metrics.exact_labels import ExactLabels
@@ -48,7 +48,8 @@ def small(name: str, points: int = 2000) -> dict[str, Protocol]:
 
 
 def scores(predicted: LabelledMesh, truth: LabelledMesh, ceiling=None, name="unit", points=2000) -> dict[str, float]:
-    return evaluate(predicted, truth, ceiling, small(name, points))[name]
+    judge = GroundTruth(truth, small(name, points))
+    return judge.scores(predicted)[name] | judge.companions(ceiling)[name]
 
 
 TRUTH, OFF = block(), block(labels_split=0.2, size=1.02)
@@ -287,14 +288,15 @@ def test_bad_settings_are_one_line():
         Protocol(name="p", points=0, frame="own", metrics={})
     twice = {"p": Protocol(name="p", points=10, frame="own", metrics={"a": FScore(), "b": FScore(threshold=0.01)})}
     with pytest.raises(InputError, match=r"'b' repeats the column 'f1'"):
-        evaluate(TRUTH, TRUTH, None, twice)
+        GroundTruth(TRUTH, twice).scores(TRUTH)
 
 
 def test_floors_run_only_for_the_metrics_that_ask():
     protocol = {"p": Protocol(name="p", points=100, frame="own", metrics={"a": Chamfer(), "b": ExactLabels()})}
-    found = evaluate(TRUTH, TRUTH, TRUTH, protocol)["p"]
-    chamfer = {"cd_l1", "cd_l2", "cd_l1_floor", "cd_l2_floor"}
-    assert found.keys() == chamfer | {"miou_exact", "acc_exact", "miou_exact_ceiling", "acc_exact_ceiling"}
+    judge = GroundTruth(TRUTH, protocol)
+    assert judge.scores(TRUTH)["p"].keys() == {"cd_l1", "cd_l2", "miou_exact", "acc_exact"}
+    companions = {"cd_l1_floor", "cd_l2_floor", "miou_exact_ceiling", "acc_exact_ceiling"}
+    assert judge.companions(TRUTH)["p"].keys() == companions
 
 
 @pytest.mark.skipif("JOINTSDF_ABC" not in os.environ, reason="JOINTSDF_ABC does not name a folder of ABC shapes")
@@ -303,7 +305,7 @@ def test_floors_of_a_real_shape_are_in_the_known_range():
     mesh = trimesh.load_mesh(folder / "mesh.ply", process=False)
     labels = np.load(folder / "patches.npy").astype(np.int64)
     shape = LabelledMesh(np.array(mesh.vertices), np.array(mesh.faces), labels)
-    found = evaluate(shape, shape, None, {"unit": PROTOCOLS["unit"]})["unit"]
+    found = GroundTruth(shape, {"unit": PROTOCOLS["unit"]}).companions(None)["unit"]
     assert 0.155 <= found["cd_l1_floor"] <= 0.780
     assert found["f1_floor"] == pytest.approx(0.775, abs=0.2)
     assert found["acc_floor"] == pytest.approx(0.977, abs=0.02)

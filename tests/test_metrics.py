@@ -13,7 +13,7 @@ from torchmetrics.functional.classification import multiclass_jaccard_index
 
 from jointsdf.evaluation import sample_surface
 from jointsdf.metrics import confusion, label_scores, match, project
-from jointsdf.metrics.boundary import Boundary, boundary_edges, points_along
+from jointsdf.metrics.boundary import Boundary, points_along
 from jointsdf.metrics.chamfer import Chamfer
 from jointsdf.metrics.consistency import Consistency
 from jointsdf.metrics.exact_labels import ExactLabels
@@ -340,22 +340,22 @@ def test_meshes_without_border():
     assert score(Boundary(), two, one)["boundary_f1"] == 0.0
 
 
-def test_boundary_edges_of_a_cube_are_its_twelve_edges():
+def test_border_edges_of_a_cube_are_its_twelve_edges():
     mesh = cube()
     normals = np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2)))
     sides = np.unique(normals.round(6), axis=0, return_inverse=True)[1].reshape(-1)
-    edges = boundary_edges(LabelledMesh(mesh.vertices, mesh.faces, sides))
+    edges = border_edges(LabelledMesh(mesh.vertices, mesh.faces, sides))
     assert len({tuple(edge) for edge in edges}) == len(edges) == 12
     np.testing.assert_allclose(np.linalg.norm(np.diff(mesh.vertices[edges], axis=1), axis=2), 1.0)
     kept = np.where(sides == 0, -1, sides)  # borders with an unlabelled side are none
-    assert len(boundary_edges(LabelledMesh(mesh.vertices, mesh.faces, kept))) == 8
+    assert len(border_edges(LabelledMesh(mesh.vertices, mesh.faces, kept))) == 8
 
 
 def test_boundary_edge_of_three_faces_is_found_whatever_their_order():
     fan = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
     vertices = np.random.default_rng(0).random((5, 3))
     for labels in ([1, 1, 2], [1, 2, 1], [2, 1, 1]):
-        assert boundary_edges(LabelledMesh(vertices, fan, np.array(labels))).tolist() == [[0, 1]]
+        assert border_edges(LabelledMesh(vertices, fan, np.array(labels))).tolist() == [[0, 1]]
 
 
 def test_points_along_edges_are_even_and_carry_the_length():

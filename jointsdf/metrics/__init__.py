@@ -9,11 +9,11 @@ import weakref
 from collections.abc import Callable
 from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
-import igl
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from jointsdf.distance import ClosestPoint
 from jointsdf.values import SurfaceSamples
 
 Result = TypeVar("Result")
@@ -60,22 +60,22 @@ class Projection(NamedTuple):
     faces: Int[ndarray, " n"]
 
 
-def once_per_pair(function: Callable[[SurfaceSamples, SurfaceSamples], Result]) -> Callable[..., Result]:
-    """Remember a function of two sample sets for as long as both of them live."""
-    known: dict[tuple[int, int], Result] = {}
+def remembered(function: Callable[..., Result]) -> Callable[..., Result]:
+    """Remember a function of sample sets for as long as all of them live."""
+    known: dict[tuple[int, ...], Result] = {}
 
-    def remembered(first: SurfaceSamples, second: SurfaceSamples) -> Result:
-        key = id(first), id(second)  # arrays make the samples unhashable, so identity is the key
+    def answer(*samples: SurfaceSamples) -> Result:
+        key = tuple(map(id, samples))  # arrays make the samples unhashable, so identity is the key
         if key not in known:
-            known[key] = function(first, second)
-            for samples in (first, second):
-                weakref.finalize(samples, known.pop, key, None)
+            known[key] = function(*samples)
+            for one in samples:
+                weakref.finalize(one, known.pop, key, None)
         return known[key]
 
-    return remembered
+    return answer
 
 
-@once_per_pair
+@remembered
 def match(predicted: SurfaceSamples, truth: SurfaceSamples) -> Matching:
     """Nearest neighbours of two non-empty sample sets in each other, exact."""
     to_truth, nearest_truth = truth.tree.query(predicted.points, workers=-1)
@@ -83,12 +83,16 @@ def match(predicted: SurfaceSamples, truth: SurfaceSamples) -> Matching:
     return Matching(to_truth, nearest_truth, to_predicted, nearest_predicted)
 
 
-@once_per_pair
+@remembered
+def closest_point(samples: SurfaceSamples) -> ClosestPoint:
+    """Closest points on the mesh under the samples."""
+    return ClosestPoint(samples.mesh)
+
+
+@remembered
 def project(samples: SurfaceSamples, onto: SurfaceSamples) -> Projection:
     """Closest point of the mesh under `onto` for every one of `samples`, exact."""
-    vertices, faces = onto.mesh.vertices.astype(np.float64), onto.mesh.faces.astype(np.int64)
-    squared, closest, _ = igl.point_mesh_squared_distance(samples.points.astype(np.float64), vertices, faces)
-    return Projection(np.sqrt(squared), closest)
+    return Projection(*closest_point(onto).query(samples.points))
 
 
 def unscored(predicted: SurfaceSamples, truth: SurfaceSamples) -> float | None:

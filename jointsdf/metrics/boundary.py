@@ -9,7 +9,8 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from jointsdf.metrics import unscored
-from jointsdf.values import UNLABELLED, LabelledMesh, SurfaceSamples
+from jointsdf.surfaces import border_edges
+from jointsdf.values import LabelledMesh, SurfaceSamples
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,8 @@ class Boundary:
         default = unscored(predicted, truth)
         if default is not None:
             return {"boundary_f1": default}
-        found = points_along(predicted.mesh, boundary_edges(predicted.mesh), self.spacing)
-        wanted = points_along(truth.mesh, boundary_edges(truth.mesh), self.spacing)
+        found = points_along(predicted.mesh, border_edges(predicted.mesh), self.spacing)
+        wanted = points_along(truth.mesh, border_edges(truth.mesh), self.spacing)
         if len(found[0]) == 0 or len(wanted[0]) == 0:
             return {"boundary_f1": float(len(found[0]) == len(wanted[0]))}
         precision, recall = self._share_near(*found, wanted[0]), self._share_near(*wanted, found[0])
@@ -46,18 +47,6 @@ class Boundary:
     ) -> float:
         distances, _ = KDTree(others).query(points, distance_upper_bound=self.tolerance, workers=-1)
         return float(lengths[np.isfinite(distances)].sum() / lengths.sum())
-
-
-def boundary_edges(mesh: LabelledMesh) -> Int[ndarray, "e 2"]:
-    """Vertex pairs of the edges whose faces differ in label, each once; unlabelled faces are ignored."""
-    labelled = mesh.labels != UNLABELLED
-    pairs = np.sort(mesh.faces[labelled][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64), axis=1)
-    labels = np.repeat(mesh.labels[labelled], 3)
-    keys = pairs[:, 0] * len(mesh.vertices) + pairs[:, 1]
-    order = np.argsort(keys)
-    keys, labels = keys[order], labels[order]
-    differs = (keys[1:] == keys[:-1]) & (labels[1:] != labels[:-1])
-    return np.stack(np.divmod(np.unique(keys[1:][differs]), len(mesh.vertices)), axis=1)
 
 
 def points_along(

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from jointsdf.surfaces import edge_keys
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
 
@@ -27,17 +28,19 @@ def topology(mesh: LabelledMesh) -> dict[str, float]:
     """Components, Euler characteristic and signed volume of one mesh. Vertices that no face uses do not count."""
     if mesh.is_empty:
         return {"components": 0.0, "euler": 0.0, "volume": 0.0}
-    used, corners = np.unique(mesh.faces, return_inverse=True)
-    faces = corners.reshape(-1, 3)
-    pairs = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    edges = np.unique(pairs[:, 0] * len(used) + pairs[:, 1])
-    first, second = np.divmod(edges, len(used))
-    graph = coo_array((np.ones(len(edges)), (first, second)), shape=(len(used), len(used)))
+    used = np.zeros(len(mesh.vertices), dtype=bool)
+    used[mesh.faces] = True
+    count = int(used.sum())
+    faces = (np.cumsum(used) - 1)[mesh.faces]
+    keys = np.sort(edge_keys(faces, count))
+    edges = keys[np.append(True, keys[1:] != keys[:-1])]
+    first, second = np.divmod(edges, count)
+    graph = coo_array((np.ones(len(edges)), (first, second)), shape=(count, count))
     components, _ = connected_components(graph, directed=False)
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
     volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
     return {
         "components": float(components),
-        "euler": float(len(used) - len(edges) + len(faces)),
+        "euler": float(count - len(edges) + len(faces)),
         "volume": volume.item(),
     }

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from jaxtyping import Float32, Int32, UInt8
+from jaxtyping import Float32, Int, Int32, UInt8
 from numpy import ndarray
 from trimesh.visual.material import PBRMaterial
 
-from jointsdf.values import LabelledMesh
+from jointsdf.values import UNLABELLED, LabelledMesh
 from jointsdf.viewing.palette import part_colours
 
 TENSORBOARD_VERTICES = 65_535  # its page stores vertex indices as 16-bit integers
@@ -51,17 +51,27 @@ def tensorboard_mesh(
         ValueError: More vertices than TensorBoard can show.
     """
     assert not mesh.is_empty, "TensorBoard cannot show an empty mesh"
-    pairs = np.stack([mesh.faces.reshape(-1), np.repeat(mesh.labels, 3)], axis=1)
-    split, faces = np.unique(pairs, axis=0, return_inverse=True)
+    split, faces = np.unique(_corners(mesh), return_inverse=True)
     if len(split) > TENSORBOARD_VERTICES:
         raise ValueError(
             f"{len(split)} vertices: TensorBoard shows at most {TENSORBOARD_VERTICES}; extract at a lower resolution"
         )
-    vertices = mesh.vertices[split[:, 0]]
+    part, vertex = np.divmod(split, len(mesh.vertices))
+    vertices = mesh.vertices[vertex]
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     vertices = (vertices - (low + high) / 2) * (2 / (high - low).max())
-    colours = part_colours(split[:, 1])
+    colours = part_colours(part + UNLABELLED)
     return vertices.astype(np.float32)[None], colours[None], faces.reshape(1, -1, 3).astype(np.int32)
+
+
+def fits_tensorboard(mesh: LabelledMesh) -> bool:
+    """Whether `tensorboard_mesh` takes the mesh."""
+    return len(np.unique(_corners(mesh))) <= TENSORBOARD_VERTICES
+
+
+def _corners(mesh: LabelledMesh) -> Int[ndarray, " c"]:
+    """One number per corner of each face, the same for those that share vertex and label."""
+    return np.repeat(mesh.labels - UNLABELLED, 3) * len(mesh.vertices) + mesh.faces.reshape(-1)
 
 
 def _ply(mesh: LabelledMesh) -> bytes:

@@ -84,8 +84,9 @@ def cast(mesh: LabelledMesh, camera: Camera) -> Hits:
     Raises:
         ImportError: embreex is not installed.
     """
-    corners = camera.project(mesh.vertices)[mesh.faces]
-    faces = _first_faces(corners, camera)
+    vertices = camera.project(mesh.vertices)
+    corners = vertices[mesh.faces]
+    faces = _first_faces(vertices, mesh.faces, camera)
     row, column = np.nonzero(faces >= 0)
     ids = faces[row, column]
     x, y = column + 0.5 - camera.width / 2, camera.height / 2 - row - 0.5
@@ -100,16 +101,18 @@ def cast(mesh: LabelledMesh, camera: Camera) -> Hits:
     return Hits(faces, normals, slopes, depths)
 
 
-def _first_faces(corners: Float[ndarray, "f 3 3"], camera: Camera) -> Int[ndarray, "h w"]:
+def _first_faces(
+    vertices: Float[ndarray, "v 3"], triangles: Int[ndarray, "f 3"], camera: Camera
+) -> Int[ndarray, "h w"]:
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
     scene = EmbreeScene()
-    TriangleMesh(scene, corners.astype(np.float32))
+    TriangleMesh(scene, vertices.astype(np.float32), triangles.astype(np.int32))
     x = np.arange(camera.width) + 0.5 - camera.width / 2
     y = camera.height / 2 - np.arange(camera.height) - 0.5
     origins = np.zeros((camera.height, camera.width, 3), dtype=np.float32)
-    origins[..., 0], origins[..., 1], origins[..., 2] = x, y[:, None], corners[..., 2].min() - 10
+    origins[..., 0], origins[..., 1], origins[..., 2] = x, y[:, None], vertices[triangles, 2].min() - 10
     directions = np.broadcast_to(np.array([0, 0, 1], dtype=np.float32), origins.shape).reshape(-1, 3).copy()
     faces: ndarray = scene.run(origins.reshape(-1, 3), directions).astype(np.int64)
     return faces.reshape(camera.height, camera.width)

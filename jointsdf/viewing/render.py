@@ -32,6 +32,7 @@ def render(
     azimuth: float = -52.0,
     elevation: float = 28.0,
     framed: LabelledMesh | None = None,
+    colours: UInt8[ndarray, "f 3"] | None = None,
 ) -> UInt8[ndarray, "h w 3"]:
     """A picture of a mesh in part colours on white; the word "empty" for a mesh without faces.
 
@@ -43,6 +44,7 @@ def render(
         azimuth: Of the viewer about +z, from +x, degrees.
         elevation: Of the viewer above the xy plane, degrees, inside (-90, 90).
         framed: The mesh that the picture is fitted to, instead of `mesh`.
+        colours: sRGB of each face, instead of its part's.
     """
     if mesh.is_empty:
         return _notice("empty", width, height)
@@ -53,7 +55,7 @@ def render(
     except ImportError:
         log.warning("no picture: embreex is not installed (pip install embreex)")
         return _notice("no renderer: pip install embreex", width, height)
-    fine = _shade(mesh, hits)
+    fine = _shade(part_colours(mesh.labels) if colours is None else colours, hits)
     fine += (INK - fine) * _lines(mesh, hits, supersampling)[..., None]
     pixels = fine.reshape(height, supersampling, width, supersampling, 3).mean(axis=(1, 3))
     return np.rint(pixels).astype(np.uint8)
@@ -111,13 +113,15 @@ def write_png(path: Path, image: UInt8[ndarray, "h w 3"]) -> None:
     unfinished.replace(path)
 
 
-def _shade(mesh: LabelledMesh, hits: Hits) -> Float[ndarray, "h w 3"]:
-    light = np.full(hits.faces.shape, AMBIENT)
+def _shade(colours: UInt8[ndarray, "f 3"], hits: Hits) -> Float[ndarray, "h w 3"]:
+    normals = hits.normals[hits.seen]
+    light = np.full(len(normals), AMBIENT)
     for direction, strength in LIGHTS:
-        towards = hits.normals @ (np.array(direction) / np.linalg.norm(direction))
+        towards = normals @ (np.array(direction) / np.linalg.norm(direction))
         light += strength * (0.5 + 0.5 * towards) ** 1.5
-    colours = part_colours(mesh.labels)[hits.faces] * np.minimum(light, 1.08)[..., None]
-    return np.where(hits.seen[..., None], np.minimum(colours, 255.0), 255.0)
+    picture = np.full((*hits.faces.shape, 3), 255.0)
+    picture[hits.seen] = np.minimum(colours[hits.faces[hits.seen]] * np.minimum(light, 1.08)[:, None], 255.0)
+    return picture
 
 
 def _lines(mesh: LabelledMesh, hits: Hits, width: int) -> Float[ndarray, "h w"]:

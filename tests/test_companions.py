@@ -1,0 +1,71 @@
+"""Floors and ceilings are kept from run to run, and only where nothing that decides them has changed."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+import pytest
+
+from jointsdf import companions as module
+from jointsdf.companions import ceiling_mesh, companions
+from jointsdf.evaluation import GroundTruth, Protocol
+from jointsdf.extraction import Extraction
+from jointsdf.metrics.chamfer import Chamfer
+from jointsdf.metrics.exact_labels import ExactLabels
+from jointsdf.values import Normalisation, Shape
+
+METRICS = {"chamfer": Chamfer(), "exact": ExactLabels()}
+GRID = Extraction(24, borders="split")
+FRAME = Normalisation(np.array([5.0, -3.0, 11.0]), 20.0)
+
+
+def judge(shape: Shape, points: int = 300) -> GroundTruth:
+    return GroundTruth(shape.mesh, {"unit": Protocol("unit", points, "truth", METRICS)})
+
+
+def test_what_is_kept_is_what_is_measured(box_shape: Shape, tmp_path: Path) -> None:
+    anew = companions(judge(box_shape), box_shape, GRID, FRAME, None)
+    assert anew["unit"].keys() == {"cd_l1_floor", "cd_l2_floor", "miou_exact_ceiling", "acc_exact_ceiling"}
+    assert 0.9 < anew["unit"]["miou_exact_ceiling"] <= 1
+    assert companions(judge(box_shape), box_shape, GRID, FRAME, tmp_path) == anew
+    with mock.patch.object(module, "ceiling_mesh", side_effect=AssertionError("measured again")):
+        assert companions(judge(box_shape), box_shape, GRID, FRAME, tmp_path) == anew
+
+
+def test_an_unlabelled_shape_keeps_its_missing_numbers(box_shape: Shape, tmp_path: Path) -> None:
+    bare = replace(box_shape, mesh=replace(box_shape.mesh, labels=np.full_like(box_shape.mesh.labels, -1)))
+    first = companions(judge(bare), bare, GRID, FRAME, tmp_path)
+    kept = companions(judge(bare), bare, GRID, FRAME, tmp_path)
+    assert np.isnan(kept["unit"]["miou_exact_ceiling"])
+    assert json.dumps(kept) == json.dumps(first)
+
+
+@pytest.mark.parametrize("change", ["labels", "mesh", "grid", "frame", "protocol", "code"])
+def test_any_change_is_measured_again(
+    box_shape: Shape, tmp_path: Path, change: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    companions(judge(box_shape), box_shape, GRID, FRAME, tmp_path)
+    shape, grid, frame, points = box_shape, GRID, FRAME, 300
+    if change == "labels":
+        shape = replace(shape, mesh=replace(shape.mesh, labels=np.roll(shape.mesh.labels, 1)))
+    elif change == "mesh":
+        shape = replace(shape, mesh_sha256="1" * 64)
+    elif change == "grid":
+        grid = replace(grid, resolution=25)
+    elif change == "frame":
+        frame = replace(frame, centre=frame.centre + 1e-9)
+    elif change == "protocol":
+        points = 301
+    else:
+        monkeypatch.setattr(module, "CODE", "0")
+    companions(judge(shape, points), shape, grid, frame, tmp_path)
+    assert len(list(tmp_path.glob("*.json"))) == 2
+
+
+def test_ceiling_lies_on_the_shape_with_its_labels(box_shape: Shape, box_distance) -> None:
+    mesh = ceiling_mesh(box_shape, Extraction(48, borders="split"), FRAME)
+    on_grid = 2.2 * FRAME.scale / 47
+    assert np.abs(box_distance(mesh.vertices)).max() < on_grid
+    assert np.array_equal(mesh.part_ids, box_shape.mesh.part_ids)

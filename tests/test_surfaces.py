@@ -1,0 +1,83 @@
+"""Points near part borders: on the surface, with the labels of their faces, at every distance from the border."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from jointsdf.cloud import Cloud, stream
+from jointsdf.sampling import Counts, Sampler
+from jointsdf.surfaces import border_edges, edge_keys, near_borders
+from jointsdf.values import LabelledMesh
+
+
+def halves(labels: tuple[int, int] = (4, 9)) -> LabelledMesh:
+    """A box of sides 4, 2, 2, cut into two parts by the plane x = 0.5."""
+    box = trimesh.creation.box((4, 2, 2)).subdivide().subdivide()
+    vertices = np.array(box.vertices) + np.array([0.5, 0, 0])
+    right = vertices[box.faces].mean(axis=1)[:, 0] > 0.5
+    return LabelledMesh(vertices, np.array(box.faces), np.where(right, *labels))
+
+
+def distance_to_box(points: np.ndarray) -> np.ndarray:
+    q = np.abs(points - [0.5, 0, 0]) - [2, 1, 1]
+    return np.abs(np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0))
+
+
+def test_edge_keys_are_equal_for_the_two_sides_of_an_edge() -> None:
+    keys = edge_keys(np.array([[0, 1, 2], [2, 1, 3]]), 4)
+    assert keys.tolist() == [1, 6, 2, 6, 7, 11]
+
+
+def test_points_near_borders_lie_on_the_surface_with_the_label_of_their_side() -> None:
+    mesh = halves()
+    points, faces = near_borders(mesh, 5000, stream(0, 0))
+    np.testing.assert_allclose(distance_to_box(points), 0, atol=1e-12)
+    clear = np.abs(points[:, 0] - 0.5) > 1e-9
+    np.testing.assert_array_equal(mesh.labels[faces][clear], np.where(points[:, 0] > 0.5, 4, 9)[clear])
+
+
+def test_points_near_borders_meet_every_distance_and_both_sides_alike() -> None:
+    points, _ = near_borders(halves(), 20000, stream(0, 0))
+    offset = points[:, 0] - 0.5  # the border is the square x = 0.5
+    assert (offset > 0).mean() == pytest.approx(0.5, abs=0.02)
+    for low, high in ((0, 1e-3), (1e-3, 1e-2), (1e-2, 0.1)):  # half the longest side is 2
+        assert ((np.abs(offset) >= low) & (np.abs(offset) < high)).mean() > 0.1, (low, high)
+    assert np.abs(offset).max() == pytest.approx(0.4, abs=0.15)  # four times the widest noise
+    sides = np.abs(points[:, 1:]).argmax(axis=1)
+    assert sides.mean() == pytest.approx(0.5, abs=0.02)  # uniform along the border
+
+
+def test_without_borders_there_are_no_points_near_them() -> None:
+    for mesh in (halves((4, 4)), halves((4, -1))):
+        assert len(border_edges(mesh)) == 0
+        assert [len(values) for values in near_borders(mesh, 100, stream(0, 0))] == [0, 0]
+
+
+def test_steps_draw_their_share_near_borders_and_the_shell_from_the_uniform_points() -> None:
+    cloud = Cloud.of(halves(), count=3000, seed=0, border_points=2000)
+    assert cloud.uniform == 3000
+    assert len(cloud.points) == 5000
+    counts = Counts(manifold=1000, non_manifold=10, shell=10, pool=1, balanced=0.25, borders=0.5)
+    near = set(map(tuple, cloud.points[3000:].astype(np.float32).tolist()))
+    drawn = Sampler(cloud, np.zeros((0, 3)), np.zeros(0), counts, 0).draw(0)
+    assert sum(tuple(point) in near for point in drawn.manifold.tolist()) == 500
+    file_x = cloud.normalisation.inverse(drawn.manifold.double().numpy())[:, 0]
+    clear = np.abs(file_x - 0.5) > 1e-5
+    np.testing.assert_array_equal(drawn.labels.numpy()[clear], (file_x < 0.5)[clear])
+
+
+def test_the_share_falls_to_the_uniform_points_where_there_is_no_border() -> None:
+    cloud = Cloud.of(halves((4, 4)), count=500, seed=0, border_points=100)
+    assert len(cloud.points) == 500
+    counts = Counts(manifold=50, non_manifold=1, shell=1, pool=1, borders=1.0)
+    assert len(Sampler(cloud, np.zeros((0, 3)), np.zeros(0), counts, 0).draw(0).manifold) == 50
+
+
+def test_the_uniform_points_do_not_depend_on_the_border_points() -> None:
+    plain, more = (Cloud.of(halves(), count=400, seed=0, border_points=number) for number in (0, 300))
+    np.testing.assert_array_equal(plain.points, more.points[:400])
+    part = Cloud.of(halves(), count=400, seed=0, border_points=300, label_fraction=0.1)
+    assert (part.labels >= 0).sum() == 70
+    assert replace(part, labels=more.labels).uniform == 400
