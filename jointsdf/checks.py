@@ -10,6 +10,7 @@ MOST = 2**31 - 1
 INTEGERS = {  # key: smallest and largest value
     "seed": (0, MOST),
     "data.cloud_size": (100, MOST),
+    "data.border_points": (0, MOST),
     "data.pool_size": (1, MOST),
     "data.workers": (0, 256),
     "data.counts.manifold": (1, MOST),
@@ -22,11 +23,12 @@ INTEGERS = {  # key: smallest and largest value
     "trainer.log_every": (1, MOST),
     "trainer.preview_every": (0, MOST),
     "trainer.preview_resolution": (8, 256),
-    "extraction.resolution": (8, 1024),
 }
 NUMBERS = {
     "data.label_fraction": (0.0, 1.0),
+    "data.pool_near": (0.0, 1.0),
     "data.counts.balanced": (0.0, 1.0),
+    "data.counts.borders": (0.0, 1.0),
     "data.counts.shell_offset": (0.0, 1.0),
     "tessellation.tolerance": (1e-6, 0.1),
     "tessellation.angle": (1e-3, 1.0),
@@ -44,13 +46,18 @@ OPTIONAL = {  # checked where the chosen group has them
     "trainer.head_lr": (0.0, 1e6),
     "loss.terms.sign_agnostic.alpha": (0.0, math.inf),
 }
-OPTIONAL_INTEGERS = {"num_parts": (2, MOST)}  # or null
+OPTIONAL_INTEGERS = {  # or a word
+    "num_parts": (2, MOST, None),
+    "extraction.resolution": (8, 1024, "auto"),
+}
 CHOICES = {
     "resume": ("auto", "never"),
     "trainer.accelerator": ("auto", "cpu", "gpu"),
+    "data.distances": ("mesh", "cloud"),
     "trainer.backward": ("float32", "bfloat16", "auto"),
     "trainer.matmul": ("auto", "default", "onednn"),
     "force": (True, False),
+    "reuse": (True, False),
 }
 NAMES = ("study", "variant", "recipe")
 
@@ -66,8 +73,8 @@ def check(settings: Mapping[str, Any]) -> None:
     """
     for key, (least, most) in INTEGERS.items():
         _check_number(key, _at(settings, key), least, most, whole=True)
-    for key, (least, most) in OPTIONAL_INTEGERS.items():
-        if _at(settings, key) is not None:
+    for key, (least, most, word) in OPTIONAL_INTEGERS.items():
+        if _at(settings, key) != word:
             _check_number(key, _at(settings, key), least, most, whole=True)
     for key, (low, high) in number_keys(settings).items():
         _check_number(key, _at(settings, key), low, high, whole=False)

@@ -3,12 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
 from lightning import LightningDataModule
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
+from jointsdf.cloud import Cloud, pool_points
 from jointsdf.distance import ExactDistance
-from jointsdf.sampling import Cloud, Counts, Sampler, pool_points
+from jointsdf.free_space import FreeSpace
+from jointsdf.sampling import Counts, Sampler
 from jointsdf.values import InputError, Normalisation, Samples, Shape
 
 
@@ -47,12 +48,15 @@ class ShapeDataModule(LightningDataModule):
         counts: Points per step.
         seed: Of the run.
         cloud_size: Points of the training cloud.
-        pool_size: Points with exact signed distance; 0 where no term uses them.
+        pool_size: Points with known signed distance; 0 where no term uses them.
+        distances: Where those come from: `mesh`, exact; `cloud`, the training cloud alone, where it leaves no doubt.
+        pool_near: Share of the pool near the surface; the rest is uniform in the box.
+        border_points: Points of the cloud near part borders, beyond `cloud_size`.
         label_fraction: Share of the cloud that keeps its labels.
         workers: Processes that draw samples; 0 draws in the training process.
 
     Raises:
-        InputError: A negative size or number of workers.
+        InputError: A negative size or number of workers, or an unknown source of distances.
     """
 
     def __init__(
@@ -63,20 +67,31 @@ class ShapeDataModule(LightningDataModule):
         seed: int,
         cloud_size: int,
         pool_size: int,
+        distances: str = "mesh",
+        pool_near: float = 0.5,
+        border_points: int = 0,
         label_fraction: float = 1.0,
         workers: int = 0,
     ) -> None:
         super().__init__()
-        for name, value in ("pool_size", pool_size), ("workers", workers):
+        for name, value in ("pool_size", pool_size), ("border_points", border_points), ("workers", workers):
             if value < 0:
                 raise InputError(f"data.{name}={value}: must be at least 0")
+        if distances not in ("mesh", "cloud"):
+            raise InputError(f"data.distances={distances}: accepted are mesh, cloud")
+        if not 0 <= pool_near <= 1:
+            raise InputError(f"data.pool_near={pool_near}: must be between 0 and 1")
         self.workers = workers
-        self.cloud = Cloud.of(shape.mesh, count=cloud_size, seed=seed, label_fraction=label_fraction)
-        pool, distances = np.zeros((0, 3)), np.zeros(0)
-        if pool_size:
-            pool = pool_points(self.cloud, count=pool_size, seed=seed)
-            distances = network_distance(shape, self.cloud.normalisation).signed(pool)
-        self.sampler = Sampler(self.cloud, pool, distances, counts, seed)
+        self.cloud = Cloud.of(
+            shape.mesh, count=cloud_size, seed=seed, label_fraction=label_fraction, border_points=border_points
+        )
+        pool = pool_points(self.cloud, count=pool_size, near_share=pool_near, seed=seed)
+        if distances == "mesh":
+            known = network_distance(shape, self.cloud.normalisation).signed(pool)
+        else:
+            known, where = FreeSpace(self.cloud.points[: self.cloud.uniform]).signed(pool)
+            pool, known = pool[where], known[where]
+        self.sampler = Sampler(self.cloud, pool, known, counts, seed)
 
     def train_dataloader(self) -> DataLoader[Samples]:
         """The stream from the trainer's current step on."""

@@ -130,7 +130,7 @@ def test_defaults() -> None:
         "width": 256, "depth": 5, "omega": 30.0, "hidden_omega": 30.0, "tap": 3, "init": "siren"
     }  # fmt: skip
     assert cfg.data.cloud_size == 30_000
-    assert (cfg.extraction.resolution, cfg.extraction.method) == (256, "sparse")
+    assert (cfg.extraction.resolution, cfg.extraction.method) == ("auto", "sparse")
 
 
 def test_recipe_paper_is_the_papers_training() -> None:
@@ -180,17 +180,18 @@ def test_loss_joint_is_flatcads_forms_divided_and_with_exact_distances() -> None
     assert config("recipe=fast").data.counts.pool == 2000
 
 
-def test_points_uses_points_and_labels_alone() -> None:
+def test_points_takes_nothing_from_the_mesh_but_points_and_labels() -> None:
     cfg = config("recipe=points")
-    assert cfg.loss.weights.signed_distance == 0
-    joint = plain(config("loss=joint").loss)
-    joint["weights"]["signed_distance"] = 0
-    assert plain(cfg.loss) == joint
+    assert cfg.data.distances == "cloud"
+    assert cfg.data.border_points == 0
+    assert cfg.data.counts.borders == 0
 
 
-@pytest.mark.parametrize("recipe", ["fast", "smoke"])
-def test_recipes_with_the_mesh_use_the_joint_loss(recipe: str) -> None:
-    assert plain(config(f"recipe={recipe}").loss) == plain(config("loss=joint").loss)
+@pytest.mark.parametrize("recipe", ["fast", "points", "smoke"])
+def test_small_recipes_use_the_joint_loss(recipe: str) -> None:
+    found, joint = (plain(config(override).loss) for override in (f"recipe={recipe}", "loss=joint"))
+    joint["weights"]["weingarten"] = 10 if recipe == "smoke" else 0
+    assert found == joint
 
 
 def test_heads_have_the_methods_sizes() -> None:

@@ -9,8 +9,10 @@ import pytest
 import torch
 from scipy.stats import chisquare, kstest
 
+from jointsdf.cloud import Cloud, pool_points, stream
 from jointsdf.data import ShapeDataModule, StepStream
-from jointsdf.sampling import SHELL_NEIGHBOUR, Cloud, Counts, Sampler, area_uniform, face_normals, pool_points, stream
+from jointsdf.sampling import SHELL_NEIGHBOUR, Counts, Sampler
+from jointsdf.surfaces import area_uniform, face_normals
 from jointsdf.values import BOX, InputError, LabelledMesh, Samples, Shape
 
 COUNTS = Counts(manifold=300, non_manifold=200, shell=250, pool=150)
@@ -238,7 +240,7 @@ def test_pool_is_half_uniform_and_half_near_the_surface(
     box: LabelledMesh, box_distance: Callable[[np.ndarray], np.ndarray]
 ) -> None:
     cloud = Cloud.of(box, count=5000, seed=0)
-    points = pool_points(cloud, count=10001, seed=0)
+    points = pool_points(cloud, count=10001, near_share=0.5, seed=0)
     assert points.shape == (10001, 3)
     assert np.abs(points).max() <= BOX
     near, far = points[:5000], points[5000:]
@@ -264,6 +266,8 @@ def test_no_pool_where_none_is_asked_for(box_shape: Shape) -> None:
         {"cloud_size": 0},
         {"cloud_size": 1},
         {"pool_size": -1},
+        {"border_points": -1},
+        {"pool_near": 1.5},
         {"workers": -1},
         {"seed": -1},
     ],
@@ -284,6 +288,7 @@ def test_impossible_data_is_an_input_error(box_shape: Shape, options: dict[str, 
         {"pool": 0},
         {"balanced": 1.1},
         {"balanced": -0.1},
+        {"borders": 1.1},
         {"shell_offset": -0.1},
     ],
     ids=str,

@@ -148,7 +148,7 @@ def total(module: JointSDFModule, step: Step) -> Tensor:
 
 
 @pytest.mark.parametrize("derivative", ["exact", "finite_difference"])
-@pytest.mark.parametrize("loss", ["paper", "flatcad", "joint", "points"])
+@pytest.mark.parametrize("loss", ["paper", "flatcad", "joint"])
 @pytest.mark.parametrize("head", ["relu", "siren", "hybrid", "deep_skip", "none"])
 @pytest.mark.parametrize("dtype", [torch.float64, torch.float32], ids=str)
 def test_every_objective_and_head_has_the_oracles_gradients(

@@ -1,0 +1,93 @@
+"""What a run is told of its shape: the training cloud, and the places where the distance to the surface is known."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from numpy.random import Generator, Philox
+
+from jointsdf.surfaces import area_uniform, face_normals, near_borders
+from jointsdf.values import BOX, UNLABELLED, InputError, LabelledMesh, Normalisation
+
+POOL_SCALES = (-3.0, -1.0)  # log10 of the narrowest and widest near-surface noise of the pool, network length units
+CLOUD, POOL, LABELS, STEPS, BORDERS = range(5)  # one random stream each
+
+
+def stream(seed: int, purpose: int, step: int = 0) -> Generator:
+    """The counter-based generator of one purpose and step: no state to save, the same on every machine.
+
+    Raises:
+        InputError: A negative seed.
+    """
+    if seed < 0:
+        raise InputError(f"seed={seed}: must be at least 0")
+    return Generator(Philox(key=[seed, (purpose << 48) + step]))
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """The training cloud: what the network is told of the surface.
+
+    Attributes:
+        points: In the network frame; the first `uniform` of them uniform by area, the others near part borders.
+        normals: Unit normals of the points' faces.
+        labels: Class index 0..K-1, -1 where unlabelled.
+        part_ids: Original id of each class, ascending.
+        normalisation: File frame -> network frame: the cloud's mean, and its largest |coordinate| about it.
+        uniform: Number of points that are uniform by area.
+    """
+
+    points: Float[ndarray, "n 3"]
+    normals: Float[ndarray, "n 3"]
+    labels: Int[ndarray, " n"]
+    part_ids: Int[ndarray, " k"]
+    normalisation: Normalisation
+    uniform: int
+
+    @classmethod
+    def of(
+        cls, mesh: LabelledMesh, *, count: int, seed: int, label_fraction: float = 1.0, border_points: int = 0
+    ) -> "Cloud":
+        """Draw the cloud of a ground-truth mesh in the file frame.
+
+        Args:
+            mesh: Ground truth.
+            count: Points uniform by area.
+            seed: Of the run.
+            label_fraction: Share of the points that keep their label.
+            border_points: Points near part borders, beyond `count`; none where the mesh has no border.
+
+        Raises:
+            InputError: Fewer than two points, or a share outside 0..1.
+        """
+        if count < 2:
+            raise InputError(f"data.cloud_size={count}: must be at least 2")
+        if not 0 <= label_fraction <= 1:
+            raise InputError(f"data.label_fraction={label_fraction}: must be between 0 and 1")
+        points, faces = area_uniform(mesh.vertices, mesh.faces, count, stream(seed, CLOUD))
+        centre = points.mean(axis=0)
+        normalisation = Normalisation(centre, float(np.abs(points - centre).max()))
+        if border_points:
+            more, more_faces = near_borders(mesh, border_points, stream(seed, BORDERS))
+            points, faces = np.concatenate([points, more]), np.concatenate([faces, more_faces])
+        labels = np.where(
+            mesh.labels[faces] == UNLABELLED, UNLABELLED, np.searchsorted(mesh.part_ids, mesh.labels[faces])
+        )
+        dropped = stream(seed, LABELS).permutation(len(points))[round(len(points) * label_fraction) :]
+        labels[dropped] = UNLABELLED
+        normals = face_normals(mesh.vertices, mesh.faces)[faces]
+        return cls(normalisation.forward(points), normals, labels, mesh.part_ids, normalisation, count)
+
+
+def pool_points(cloud: Cloud, *, count: int, near_share: float, seed: int) -> Float[ndarray, "n 3"]:
+    """Where distances are taken, network frame: a share near the surface, the rest uniform in the box.
+
+    Near is Gaussian about cloud points with a width drawn log-uniform, so that every wall thickness is met.
+    """
+    generator = stream(seed, POOL)
+    near = round(count * near_share)
+    widths = 10 ** generator.uniform(*POOL_SCALES, (near, 1))
+    around = cloud.points[generator.integers(len(cloud.points), size=near)]
+    near_points = np.clip(around + widths * generator.standard_normal((near, 3)), -BOX, BOX)
+    return np.concatenate([near_points, generator.uniform(-BOX, BOX, (count - near, 3))])
