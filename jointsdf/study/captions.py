@@ -2,6 +2,7 @@
 
 import pandas as pd
 
+from jointsdf.study.gaps import listed
 from jointsdf.study.groups import BASELINE, Comparison
 
 SOURCES = {"abc": "ABC shapes", "builtin": "built-in shapes", "file": "shapes from mesh files"}
@@ -12,18 +13,19 @@ def caption(what: str, comparison: Comparison, *, unequal: bool) -> str:
     """Plain text under a table.
 
     Args:
-        what: The table's subject, a phrase.
+        what: What the table shows and what it is over: sentences without the last full stop.
         comparison: The runs in it.
         unequal: Whether some mean is over fewer shapes than the others.
     """
     key = comparison.group.key
     labels = "no labels" if key["label_kind"] == BASELINE else f"{key['label_kind']} labels"
     sentences = [
-        f"{what}, mean ± sample standard deviation over the shapes that every head was run on (N).",
+        f"{what}.",
         f"Study {key['study']}, recipe {key['recipe']}, variant {key['variant']}, {SOURCES[key['source']]}, {labels}, "
         f"protocol {key['protocol']}, {_seeds(comparison.runs)}.",
         UNRANKED if unequal else "",
         _left_out(comparison.dropped),
+        listed(gap for gap in comparison.group.gaps if gap.head in comparison.heads),
         empty_runs(comparison.runs),
         _changed_truth(comparison.runs),
     ]
@@ -58,3 +60,13 @@ def _changed_truth(runs: pd.DataFrame) -> str:
     kinds = runs[runs["head"] != BASELINE].groupby("shape")[facts].nunique().max(axis="columns")
     names = [str(shape) for shape in kinds[kinds > 1].index]
     return f"Ground truth changed between the runs of: {', '.join(names)}." if names else ""
+
+
+def measured_on(runs: pd.DataFrame) -> str:
+    """Where seconds and memory come from: they are of one machine or of several, which is said."""
+    facts = [column for column in ("machine", "device", "threads") if column in runs]
+    names = ("", "on ", "threads: ")
+    kinds = runs[facts].drop_duplicates().itertuples(index=False) if facts else []
+    found = ["; ".join(f"{name}{value}" for name, value in zip(names, kind, strict=False)) for kind in kinds]
+    several = "Seconds of different machines are averaged: " if len(found) > 1 else "Measured on: "
+    return several + " | ".join(found) if found else "The machine is unknown"

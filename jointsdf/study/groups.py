@@ -1,17 +1,19 @@
 """Which runs may share a table: same study, recipe, variant, source of shapes, kind of labels, protocol."""
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import pandas as pd
 
-from jointsdf.study.collect import DEFAULT_PROTOCOL
+from jointsdf.study.csv_rows import DEFAULT_PROTOCOL, source_of
+from jointsdf.study.gaps import Gap
 from jointsdf.study.statistics import common_shapes
 
 GROUP = ["study", "recipe", "variant", "source", "label_kind", "protocol"]
 BASELINE = "none"
 HEAD_ORDER = (BASELINE, "relu", "siren", "hybrid", "deep_skip")  # the paper's; other heads follow by name
+BUDGET = ("steps", "resolution", "parameters_trunk")
 SUFFIX = "--"  # between a table's name and its group
 
 
@@ -23,11 +25,21 @@ class Group:
         key: Value of each column of `GROUP`.
         suffix: Of the file names; empty for the default group.
         runs: Lines of `collect`.
+        borrowed: Baseline runs of another study, where this one has none: same recipe, variant, shapes' source,
+            protocol and budget.
+        gaps: Runs that its study wants and does not have.
     """
 
     key: dict[str, str]
     suffix: str
     runs: pd.DataFrame
+    borrowed: pd.DataFrame
+    gaps: list[Gap]
+
+    @property
+    def borrowed_from(self) -> str:
+        """The study of the borrowed runs; empty for none."""
+        return "" if self.borrowed.empty else str(self.borrowed["study"].iloc[0])
 
 
 @dataclass(frozen=True)
@@ -53,11 +65,15 @@ class Comparison:
         return self.runs[self.runs["head"] == head]
 
 
-def split(runs: pd.DataFrame) -> list[Group]:
+def split(runs: pd.DataFrame, gaps: Sequence[Gap] = ()) -> list[Group]:
     """Part the runs into comparable groups, the default one first.
 
     The default is the group of protocol `unit` with most runs. Baseline runs (head `none`) do not use labels, so they
     join the groups of every kind of labels; where no head was run beside them, they are a group of their own.
+
+    Args:
+        runs: Lines of `collect`.
+        gaps: Wanted runs without a result, of any study.
     """
     baseline = runs[runs["head"] == BASELINE]
     other = [column for column in GROUP if column != "label_kind"]
@@ -71,7 +87,10 @@ def split(runs: pd.DataFrame) -> list[Group]:
     parts += [(tuple(map(str, key)), part) for key, part in rest.groupby(GROUP)]
     parts.sort(key=lambda item: (item[0][-1] != DEFAULT_PROTOCOL, -len(item[1]), item[0]))
     suffixes = _suffixes([key for key, _ in parts])
-    return [Group(dict(zip(GROUP, key, strict=True)), s, part) for (key, part), s in zip(parts, suffixes, strict=True)]
+    return [
+        Group(dict(zip(GROUP, key, strict=True)), suffix, part, _borrowed(part, baseline), _gaps_of(key, gaps))
+        for (key, part), suffix in zip(parts, suffixes, strict=True)
+    ]
 
 
 def compare(group: Group, *, baseline: bool) -> Comparison:
@@ -85,6 +104,29 @@ def compare(group: Group, *, baseline: bool) -> Comparison:
     shapes, dropped = common_shapes(runs)
     heads = sorted(set(runs["head"]), key=lambda head: (head not in HEAD_ORDER, _place(head), head))
     return Comparison(group, heads, shapes, dropped, runs[runs["shape"].isin(shapes)])
+
+
+def with_borrowed_baseline(group: Group) -> Group:
+    """The group with the borrowed baseline runs among its own."""
+    return group if group.borrowed.empty else replace(group, runs=pd.concat([group.runs, group.borrowed]))
+
+
+def _gaps_of(key: tuple[str, ...], gaps: Sequence[Gap]) -> list[Gap]:
+    study, _, variant, source, *_ = key
+    wanted = (study, variant, source)
+    return [gap for gap in gaps if (gap.study, gap.variant, source_of(gap.shape)) == wanted]
+
+
+def _borrowed(part: pd.DataFrame, baseline: pd.DataFrame) -> pd.DataFrame:
+    same = [name for name in ("recipe", "variant", "source", "protocol", *BUDGET) if name in part]
+    usable = baseline[baseline["study"] != part["study"].iloc[0]]
+    if (part["head"] == BASELINE).any():
+        return usable[:0]
+    usable = usable[usable["shape"].isin(part["shape"])]
+    for name in same:
+        usable = usable[usable[name].isin(part[name].unique())]
+    studies = usable.groupby("study")["shape"].nunique()
+    return usable if studies.empty else usable[usable["study"] == studies.idxmax()]
 
 
 def _place(head: str) -> int:

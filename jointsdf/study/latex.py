@@ -10,6 +10,8 @@ from jointsdf.study.statistics import Summary
 
 Goal = Literal["low", "high", "none"]
 MISSING = "--"
+TALL = 45  # lines; a longer table is made to fit a page
+FIT_WIDTH = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}"
 ESCAPES = {
     "\\": r"\textbackslash{}",
     "~": r"\textasciitilde{}",
@@ -22,8 +24,8 @@ ESCAPES = {
 
 
 def escape(text: str) -> str:
-    """Plain text that LaTeX prints as it is; `±` becomes the symbol."""
-    return "".join(ESCAPES.get(character, character) for character in text)
+    """Plain text that LaTeX prints as it is; `±` becomes the symbol, what is not ASCII a question mark."""
+    return "".join(ESCAPES.get(character, character if character.isascii() else "?") for character in text)
 
 
 def cell(summary: Summary, *, digits: int, out_of: int, bold: bool) -> str:
@@ -48,19 +50,41 @@ def best(summaries: Sequence[Summary], *, digits: int, out_of: int, goal: Goal) 
     return [value == target for value in shown]
 
 
-def tabular(cells: pd.DataFrame, *, caption: str, label: str) -> str:
-    """A floating booktabs table of ready LaTeX cells.
+def number(value: float, digits: int, *, signed: bool = False) -> str:
+    """A number in math mode, so that its minus is one."""
+    return f"${value:{'+' if signed else ''}.{digits}f}$"
+
+
+def p_value(p: float) -> str:
+    """A p value; `--` where there is none."""
+    if math.isnan(p):
+        return MISSING
+    return f"{p:.3f}" if p >= 0.001 else "$<$0.001"
+
+
+def tabular(cells: pd.DataFrame, *, caption: str, label: str, blocks: Sequence[int] = ()) -> str:
+    """A floating booktabs table of ready LaTeX cells, made narrower where it is wider than the text (needs graphicx).
 
     Args:
         cells: Strings; the column names are the header, LaTeX as well.
         caption: Plain text; escaped here.
         label: Name to refer to, behind `tab:`. Underscores become hyphens.
+        blocks: Lines that a gap follows.
     """
-    return cells.style.hide(axis="index").to_latex(
+    text = cells.style.hide(axis="index").to_latex(
         hrules=True,
         caption=escape(caption),
         label="tab:" + label.replace("_", "-"),
         column_format="l" + "c" * (cells.shape[1] - 1),
-        position="t",
+        position="htbp",
         position_float="centering",
     )
+    above, rule, body = text.partition("\\midrule\n")
+    lines = body.splitlines(keepends=True)
+    for place in sorted(set(blocks) - {len(cells) - 1}, reverse=True):
+        lines.insert(place + 1, "\\addlinespace\n")
+    text = above + rule + "".join(lines)
+    fitted = (
+        r"\resizebox{!}{0.8\textheight}" if len(cells) > TALL else FIT_WIDTH
+    ) + "{%\n\\setlength{\\tabcolsep}{4pt}\\begin{tabular}"
+    return text.replace(r"\begin{tabular}", fitted).replace(r"\end{tabular}", "\\end{tabular}}")

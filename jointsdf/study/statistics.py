@@ -1,11 +1,15 @@
-"""Averages that say what they average over. NaN is a missing value, never 0."""
+"""Averages, paired tests and correlations that say what they are over. NaN is a missing value, never 0."""
 
 import math
 import statistics
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
+from jaxtyping import Float
+from numpy import ndarray
+from scipy import stats
 
 
 @dataclass(frozen=True)
@@ -50,3 +54,80 @@ def common_shapes(runs: pd.DataFrame) -> tuple[list[str], dict[str, list[str]]]:
         for shape in sorted(set(runs["shape"]))
     }
     return [shape for shape, heads in missing.items() if not heads], {s: h for s, h in missing.items() if h}
+
+
+@dataclass(frozen=True)
+class Paired:
+    """A method against a baseline on the same shapes.
+
+    Attributes:
+        n: Shapes on which both have the number.
+        delta: Mean difference, method minus baseline.
+        low: Lower end of its 95% confidence interval.
+        high: Upper end.
+        p_t: Of the paired t-test, two-sided; NaN for n < 2 or where all differences are equal.
+        p_wilcoxon: Of Wilcoxon's signed-rank test, two-sided; NaN for n < 2 or where all differences are 0.
+    """
+
+    n: int
+    delta: float
+    low: float
+    high: float
+    p_t: float
+    p_wilcoxon: float
+
+
+def paired(method: Mapping[str, float], baseline: Mapping[str, float]) -> Paired:
+    """Compare two methods by their values per shape; a shape that either lacks is left out."""
+    differences = np.array([value - baseline.get(shape, math.nan) for shape, value in method.items()])
+    differences = differences[~np.isnan(differences)]
+    n = len(differences)
+    delta = float(differences.mean()) if n else math.nan
+    if n < 2 or np.ptp(differences) <= 1e-12 * abs(delta):
+        return Paired(n, delta, math.nan, math.nan, math.nan, _wilcoxon(differences))
+    test = stats.ttest_1samp(differences, 0.0)
+    low, high = test.confidence_interval(0.95)
+    return Paired(n, delta, float(low), float(high), float(test.pvalue), _wilcoxon(differences))
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Holm's correction of a family of p values; NaN stay NaN and are not counted."""
+    order = sorted((p, place) for place, p in enumerate(p_values) if not math.isnan(p))
+    corrected = [math.nan] * len(p_values)
+    least = 0.0
+    for rank, (p, place) in enumerate(order):
+        least = max(least, min(1.0, (len(order) - rank) * p))
+        corrected[place] = least
+    return corrected
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Pearson's r over n pairs and its two-sided p; NaN for n < 3 or where one side is constant."""
+
+    n: int
+    r: float
+    p: float
+
+
+def pearson(pairs: Iterable[tuple[float, float]]) -> Correlation:
+    """Correlate two numbers; a pair with a missing one is left out."""
+    present = np.array([pair for pair in pairs if not any(map(math.isnan, pair))]).reshape(-1, 2)
+    spread = np.ptp(present, axis=0) if len(present) else np.zeros(2)
+    if len(present) < 3 or (spread <= 1e-12 * np.abs(present).max(axis=0)).any():
+        return Correlation(len(present), math.nan, math.nan)
+    r, p = stats.pearsonr(*present.T)
+    return Correlation(len(present), float(r), float(p))
+
+
+def outer_quarters(keys: Mapping[str, float]) -> tuple[list[str], list[str]]:
+    """The quarter of the shapes with the lowest keys, rounded down, and that with the highest; without missing keys."""
+    order = sorted((key, shape) for shape, key in keys.items() if not math.isnan(key))
+    size = len(order) // 4
+    return [shape for _, shape in order[:size]], [shape for _, shape in order[len(order) - size :]]
+
+
+def _wilcoxon(differences: Float[ndarray, " n"]) -> float:
+    if len(differences) < 2 or not differences.any():
+        return math.nan
+    return float(stats.wilcoxon(differences).pvalue)

@@ -1,0 +1,81 @@
+"""Command line of the figures: `python -m jointsdf.figures [outputs]` writes OUTPUTS/figures/*.pdf, *.png and *.tex."""
+
+import argparse
+import logging
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from jointsdf.figures.pictures import failures, triptychs
+from jointsdf.results import ResultRow
+from jointsdf.study.__main__ import add_folders
+from jointsdf.study.collect import collect, gather
+from jointsdf.study.csv_rows import DEFAULT_PROTOCOL
+from jointsdf.study.curves import loss_curves
+from jointsdf.study.drawing import Drawing, write_drawing
+from jointsdf.study.gaps import find_gaps
+from jointsdf.study.groups import SUFFIX, Group, split
+from jointsdf.study.plots import PLOTS
+from jointsdf.study.tables import FIGURES
+
+log = logging.getLogger("jointsdf.figures")
+
+FROM_RUN_FOLDERS = {"triptychs": triptychs, "failures": failures, "loss_curves": loss_curves}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns the exit code, 2 for what the user can mend."""
+    parser = argparse.ArgumentParser(prog="python -m jointsdf.figures", description="Figures of the runs.")
+    add_folders(parser)
+    options = parser.parse_args(arguments)
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    logging.getLogger("fontTools").setLevel(logging.WARNING)
+    try:
+        for path in write_figures(gather(options.outputs, options.results), options.outputs):
+            log.info(path)
+    except (ValueError, OSError) as error:
+        log.error(error)
+        return 2
+    return 0
+
+
+def write_figures(rows: Sequence[ResultRow], outputs: Path) -> list[Path]:
+    """Write every figure of every group of at least two runs; delete the figures of groups gone since.
+
+    A figure that needs what lies in run folders is made from those there are; what is missing is logged, a line each.
+
+    Args:
+        rows: Of the runs.
+        outputs: Folder of the studies; the figures go to its `figures/`.
+
+    Raises:
+        OSError: The folder cannot be written.
+    """
+    folder = outputs / FIGURES
+    written: list[Path] = []
+    for group in split(collect(rows), find_gaps(outputs, rows)):
+        if len(group.runs) > 1:
+            for name, drawing in _drawings(group, outputs):
+                written += write_drawing(drawing, folder / (name + group.suffix))
+    for name in (*PLOTS, *FROM_RUN_FOLDERS):
+        for path in {*folder.glob(f"{name}.*"), *folder.glob(f"{name}{SUFFIX}*")} - set(written):
+            path.unlink()
+    return written
+
+
+def _drawings(group: Group, outputs: Path) -> Iterator[tuple[str, Drawing]]:
+    for name, plot in PLOTS.items():
+        if drawing := plot(group):
+            yield name, drawing
+    if group.key["protocol"] != DEFAULT_PROTOCOL:
+        return  # the same run folders as the default protocol's
+    for name, picture in FROM_RUN_FOLDERS.items():
+        drawing, missing = picture(group, outputs)
+        if missing:
+            log.warning(f"{name}{group.suffix}: without {len(missing)} run folders, the first: {missing[0]}")
+        if drawing:
+            yield name, drawing
+
+
+if __name__ == "__main__":
+    sys.exit(main())

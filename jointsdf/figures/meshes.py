@@ -1,0 +1,102 @@
+"""A run's ground truth beside its prediction: colours that agree, errors per face."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+from scipy.optimize import linear_sum_assignment
+
+from jointsdf.assembly import stored_truth
+from jointsdf.distance import ExactDistance
+from jointsdf.shapes.file import painted
+from jointsdf.values import InputError, LabelledMesh, Shape
+
+MESH = "mesh.ply"
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Ground truth and prediction of one run, file frame, original part ids."""
+
+    truth: Shape
+    predicted: LabelledMesh
+
+    @cached_property
+    def size(self) -> float:
+        """Longest side of the ground truth's box, file units."""
+        corners = self.truth.mesh.vertices
+        return float(np.ptp(corners, axis=0).max())
+
+    @cached_property
+    def matched(self) -> LabelledMesh:
+        """The prediction with each part renamed to the ground truth's part that it covers best, one to one.
+
+        Parts without a counterpart get ids of their own, after all others.
+        """
+        ids, columns = np.unique(self.predicted.labels, return_inverse=True)
+        wanted, rows = np.unique(self._labels_below, return_inverse=True)
+        shared = np.zeros((len(ids), len(wanted)))
+        np.add.at(shared, (columns, rows), areas(self.predicted))
+        shared[:, wanted < 0] = 0.0
+        left, right = linear_sum_assignment(shared, maximize=True)
+        names = 1 + max(ids.max(initial=0), wanted.max(initial=0)) + np.arange(len(ids))
+        good = shared[left, right] > 0
+        names[left[good]] = wanted[right[good]]
+        return replace(self.predicted, labels=names[columns])
+
+    @cached_property
+    def error(self) -> Float[ndarray, " f"]:
+        """Distance of each predicted face's centre to the ground truth, share of its longest side."""
+        return _distances(self.predicted, self.truth.mesh) / self.size
+
+    @cached_property
+    def missed(self) -> Float[ndarray, " g"]:
+        """Distance of each ground-truth face's centre to the prediction, share of the longest side."""
+        return _distances(self.truth.mesh, self.predicted) / self.size
+
+    @cached_property
+    def wrong(self) -> Bool[ndarray, " f"]:
+        """Predicted faces whose label is not that of the ground truth below their centre."""
+        different: ndarray = self.predicted.labels != self._labels_below
+        return different & (self._labels_below >= 0)
+
+    @cached_property
+    def _labels_below(self) -> Int[ndarray, " f"]:
+        exact = ExactDistance(self.truth.mesh, watertight=self.truth.watertight)
+        labels: ndarray = self.truth.mesh.labels[exact.closest_face(centres(self.predicted))]
+        return labels
+
+
+def load_pair(folder: Path) -> Pair:
+    """The meshes of a finished run.
+
+    Raises:
+        InputError: The run folder has no mesh, or its ground truth is not what it was. One line.
+    """
+    path = folder / MESH
+    if not path.is_file():
+        raise InputError(f"{path} is not there")
+    _, truth = stored_truth(folder)
+    mesh, labels, _ = painted(path)
+    return Pair(truth, LabelledMesh(mesh.vertices, mesh.faces, labels))
+
+
+def centres(mesh: LabelledMesh) -> Float[ndarray, "f 3"]:
+    """Centroid of each face."""
+    middle: ndarray = mesh.vertices[mesh.faces].mean(axis=1)
+    return middle
+
+
+def areas(mesh: LabelledMesh) -> Float[ndarray, " f"]:
+    """Area of each face."""
+    a, b, c = np.swapaxes(mesh.vertices[mesh.faces], 0, 1)
+    size: ndarray = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return size
+
+
+def _distances(of: LabelledMesh, to: LabelledMesh) -> Float[ndarray, " f"]:
+    unsigned: ndarray = np.abs(ExactDistance(to, watertight=True).signed(centres(of)))
+    return unsigned

@@ -1,0 +1,132 @@
+"""Pictures of meshes on a page: ground truth beside predictions, and the worst runs with their errors."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, UInt8
+from matplotlib import colormaps
+from numpy import ndarray
+
+from jointsdf.figures.meshes import Pair, load_pair
+from jointsdf.figures.page import HEAT, Row, page, trimmed
+from jointsdf.study.captions import caption
+from jointsdf.study.curves import run_folder
+from jointsdf.study.drawing import Drawing
+from jointsdf.study.groups import Group, compare
+from jointsdf.values import InputError, LabelledMesh
+from jointsdf.viewing.render import render
+
+PIXELS: dict[str, Any] = {"width": 600, "height": 450}
+PREFERRED = ("hybrid", "siren", "relu", "deep_skip")  # the paper shows the first two
+TRIPTYCHS = 6
+RIGHT, WRONG = (225, 225, 225), (178, 24, 43)
+CRITERIA = {  # column: header, whether the largest is worst
+    "cd_l1_over_floor": ("CD$_{L1}$/floor", True),
+    "surface_p99": ("surface p99", True),
+    "miou_exact": ("mIoU exact", False),
+}
+
+
+def triptychs(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
+    """Ground truth and two heads in part colours, a row per shape, one camera per row.
+
+    Shapes: spread evenly over the number of parts, so that nobody picks them.
+
+    Args:
+        group: Runs that may be compared.
+        outputs: Folder of the studies.
+
+    Returns:
+        The figure, None where nothing can be shown; and a line for each run that cannot.
+    """
+    comparison = compare(group, baseline=False)
+    heads = [head for head in (*PREFERRED, *comparison.heads) if head in comparison.heads]
+    heads = list(dict.fromkeys(heads))[:2]
+    counts = comparison.runs.groupby("shape")["num_parts"].max()
+    order = sorted(comparison.shapes, key=lambda shape: (counts[shape], shape))
+    chosen = dict.fromkeys(order[int(place)] for place in np.linspace(0, len(order) - 1, TRIPTYCHS)) if order else {}
+    rows, missing = [], []
+    for shape in chosen:
+        here = comparison.runs[comparison.runs["shape"] == shape].sort_values("seed")
+        runs = [here[here["head"] == head].iloc[0] for head in heads]
+        try:
+            pairs = [load_pair(run_folder(outputs, run)) for run in runs]
+        except InputError as error:
+            missing.append(str(error))
+            continue
+        rows.append(_triptych_row(f"{shape}\n{counts[shape]} parts", pairs, runs))
+    if not rows:
+        return None, missing
+    what = (
+        "Ground truth and reconstructions in part colours, each row by one camera; a predicted part has the colour of "
+        "the ground truth's part that it covers best, one to one. Shapes: spread evenly over the number of parts"
+    )
+    titles = ["ground truth", *heads]
+    return Drawing(page(rows, titles), caption(what, comparison, unequal=False)), missing
+
+
+def failures(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
+    """The worst run by each criterion: ground truth, prediction, both with the distance between them, wrong labels.
+
+    Args:
+        group: Runs that may be compared.
+        outputs: Folder of the studies.
+
+    Returns:
+        The figure, None where nothing can be shown; and a line for each run that cannot.
+    """
+    comparison = compare(group, baseline=False)
+    rows, missing = [], []
+    for column, (name, largest) in CRITERIA.items():
+        if column not in comparison.runs or comparison.runs[column].isna().all():
+            continue
+        run = comparison.runs.sort_values(column, ascending=not largest, kind="stable").iloc[0]
+        try:
+            pair = load_pair(run_folder(outputs, run))
+        except InputError as error:
+            missing.append(str(error))
+            continue
+        text = f"worst {name}: {run[column]:.3g}\n{run['head']} on {run['shape']}"
+        rows.append(_failure_row(text, pair))
+    if not rows:
+        return None, missing
+    what = (
+        "The worst runs with a mesh. Heat: distance of the ground truth to the prediction and of the prediction to the "
+        "ground truth, in percent of the longest side; dark red: predicted faces whose label is not the ground truth's"
+    )
+    titles = ["ground truth", "prediction", "truth to prediction", "prediction to truth", "wrong labels"]
+    return Drawing(page(rows, titles), caption(what, comparison, unequal=False)), missing
+
+
+def _triptych_row(title: str, pairs: Sequence[Pair], runs: Sequence[pd.Series]) -> Row:
+    truth = pairs[0].truth.mesh
+    pictures = [render(truth, **PIXELS), *(render(pair.matched, framed=truth, **PIXELS) for pair in pairs)]
+    notes = [f"mIoU exact {run['miou_exact']:.3f}, CD/floor {run['cd_l1_over_floor']:.2f}" for run in runs]
+    return Row(title, trimmed(pictures), ["", *notes])
+
+
+def _failure_row(title: str, pair: Pair) -> Row:
+    truth = pair.truth.mesh
+    end = max(float(np.quantile(np.concatenate([pair.error, pair.missed]), 0.999)), 1e-4)
+    label_colours = np.where(pair.wrong[:, None], WRONG, RIGHT).astype(np.uint8)
+    pictures = [
+        render(truth, **PIXELS),
+        render(pair.matched, framed=truth, **PIXELS),
+        render(_plain(truth), colours=_heat(pair.missed / end), **PIXELS),
+        render(_plain(pair.predicted), framed=truth, colours=_heat(pair.error / end), **PIXELS),
+        render(_plain(pair.predicted), framed=truth, colours=label_colours, **PIXELS),
+    ]
+    return Row(title, trimmed(pictures), [""] * len(pictures), heat=100 * end)
+
+
+def _plain(mesh: LabelledMesh) -> LabelledMesh:
+    """The mesh without part borders."""
+    return LabelledMesh(mesh.vertices, mesh.faces, np.zeros_like(mesh.labels))
+
+
+def _heat(shares: Float[ndarray, " f"]) -> UInt8[ndarray, "f 3"]:
+    colours: ndarray = colormaps[HEAT](np.clip(shares, 0, 1), bytes=True)[:, :3]
+    return colours

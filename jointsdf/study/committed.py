@@ -1,0 +1,35 @@
+"""A study's rows as one file to be committed, `results/<study>/runs.csv`: whoever has it need not run them again."""
+
+from pathlib import Path
+
+from jointsdf.results import ResultRow, read_rows, write_atomically
+from jointsdf.study.collect import identity
+from jointsdf.study.csv_rows import FILE, rows_from_csv, rows_to_csv
+
+
+def commit_rows(study: Path, results: Path) -> tuple[Path, int, list[str]]:
+    """Write the study's rows, beside those in the file that have no run here, e.g. of another machine.
+
+    Args:
+        study: The study's folder, `<outputs>/<study>`.
+        results: Folder of the committed studies.
+
+    Returns:
+        The file, how many rows it holds, and a line for each row that was left out.
+
+    Raises:
+        ValueError: There is no row, or the file is damaged. One line, with the fix.
+    """
+    rows, problems = read_rows(study)
+    path = results / study.name / FILE
+    merged: dict[tuple[str, ...], ResultRow] = {}
+    if path.is_file():
+        try:
+            merged = {identity(row): row for row in rows_from_csv(path.read_text(encoding="utf-8"))}
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
+    if not rows:
+        raise ValueError(f"{study}: no result rows below it; `python train.py sweeps={study.name}` makes them")
+    merged |= {identity(row): row for row in rows}
+    write_atomically(path, rows_to_csv(list(merged.values())))
+    return path, len(merged), problems

@@ -1,0 +1,95 @@
+"""Loss curves from the TensorBoard event files of the runs; no torch, no TensorFlow."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+
+from jointsdf.study.captions import caption
+from jointsdf.study.drawing import STYLE, Drawing, legend, look, panels
+from jointsdf.study.groups import Comparison, Group, compare
+
+BOARD, PREFIX, TOTAL = "tb", "loss/", "total"
+log = logging.getLogger(__name__)
+
+Curves = dict[str, pd.Series]  # loss term -> value by step
+
+
+def run_folder(outputs: Path, run: pd.Series) -> Path:
+    """Where a run's files lie."""
+    return outputs.joinpath(*(str(run[name]) for name in ("study", "variant", "head", "shape")), f"seed{run['seed']}")
+
+
+def loss_curves(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
+    """Each term of the loss over the steps, a line per head: median over the shapes, with the quartiles.
+
+    Args:
+        group: Runs that may be compared.
+        outputs: Folder of the studies.
+
+    Returns:
+        The figure, None where no run has curves; and a line for each run without.
+    """
+    comparison = compare(group, baseline=True)
+    found: dict[str, list[Curves]] = {head: [] for head in comparison.heads}
+    missing = []
+    for _, run in comparison.runs.iterrows():
+        folder = run_folder(outputs, run)
+        curves = read_curves(folder / BOARD)
+        if curves:
+            found[str(run["head"])].append(curves)
+        else:
+            missing.append(f"{folder / BOARD} has no loss curves")
+    if not any(found.values()):
+        return None, missing
+    return _draw(comparison, found), missing
+
+
+def read_curves(folder: Path) -> Curves:
+    """Every loss term in a folder of event files; empty where there is none."""
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    if not any(folder.glob("events.*")):
+        return {}
+    logging.getLogger("tensorboard").setLevel(logging.ERROR)  # what a killed run left of its last record is expected
+    events = EventAccumulator(str(folder), size_guidance={"scalars": 0, "images": 1, "tensors": 1})
+    events.Reload()
+    curves = {}
+    for tag in events.Tags()["scalars"]:
+        if tag.startswith(PREFIX):
+            by_step = {event.step: event.value for event in events.Scalars(tag)}  # a resumed run: its last word
+            curves[tag.removeprefix(PREFIX)] = pd.Series(by_step, dtype=float).sort_index()
+    return curves
+
+
+def _draw(comparison: Comparison, found: Mapping[str, Sequence[Curves]]) -> Drawing:
+    terms = list(dict.fromkeys(term for runs in found.values() for curves in runs for term in curves))
+    terms.sort(key=lambda term: term != TOTAL)
+    heads = [head for head in comparison.heads if found[head]]
+    with mpl.rc_context(STYLE):
+        rows = -(-len(terms) // 3)
+        figure, axes = panels(rows, 3, 0.35 + 1.7 * rows)
+        for ax, term in zip(axes, terms, strict=False):
+            for head in heads:
+                lines = pd.DataFrame({k: curves[term] for k, curves in enumerate(found[head]) if term in curves})
+                if lines.empty:
+                    continue
+                style = look(head, comparison.heads)
+                low, middle, high = (lines.quantile(q, axis="columns") for q in (0.25, 0.5, 0.75))
+                ax.fill_between(lines.index, low, high, color=style["color"], alpha=0.15, linewidth=0)
+                ax.plot(lines.index, middle, color=style["color"], linestyle=style["linestyle"], label=head)
+            ax.set_title(term)
+            ax.set_xlabel("step")
+            if all(np.min(line.get_ydata()) > 0 for line in ax.lines):
+                ax.set_yscale("log")
+        for ax in axes[len(terms) :]:
+            ax.set_axis_off()
+        legend(figure, heads, lines=True)
+    counts = ", ".join(f"{head} {len(found[head])}" for head in heads)
+    what = (
+        f"Loss terms (not weighted; total: weighted sum) over the steps: median and quartiles over the runs ({counts})"
+    )
+    return Drawing(figure, caption(what, comparison, unequal=False))

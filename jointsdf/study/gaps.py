@@ -1,0 +1,56 @@
+"""The runs that a study wants and does not have: failed, stopped half-way, or never begun."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from jointsdf.results import ResultRow
+from jointsdf.run_state import PLAN, planned, state
+
+SHOWN = 12
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A wanted run without a result.
+
+    Attributes:
+        study: Its sweep.
+        variant: Of the sweep.
+        head: Segmentation head.
+        shape: Catalogue name.
+        seed: As in the folder's name, `seed0`.
+        reason: Why there is no result, a few words.
+    """
+
+    study: str
+    variant: str
+    head: str
+    shape: str
+    seed: str
+    reason: str
+
+
+def find_gaps(outputs: Path, rows: Iterable[ResultRow]) -> list[Gap]:
+    """Every run that the sweeps below a folder want and that has no row.
+
+    Args:
+        outputs: Folder of the studies.
+        rows: The rows there are, wherever they lie.
+    """
+    there = {(row.study, row.variant, row.head, row.shape, f"seed{row.seed}") for row in rows}
+    gaps = []
+    for plan in sorted(outputs.glob(f"*/{PLAN}")):
+        for folder in planned(plan.parent):
+            run = (plan.parent.name, *folder.relative_to(plan.parent).parts)
+            if len(run) == 5 and run not in there:
+                found = state(folder)
+                gaps.append(Gap(*run, reason=f"failed: {found.error}" if found.kind == "failed" else found.kind))
+    return gaps
+
+
+def listed(gaps: Iterable[Gap]) -> str:
+    """A sentence for a caption; empty for none."""
+    names = [f"{gap.head} on {gap.shape} ({gap.seed}, {gap.reason})" for gap in gaps]
+    rest = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return f"Wanted runs without a result: {', '.join(names[:SHOWN])}{rest}." if names else ""

@@ -1,0 +1,129 @@
+"""The tables with a line per head: reconstruction, segmentation, IoU of each part, part counts, cost."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from jointsdf.study.captions import measured_on
+from jointsdf.study.columns import BY_PART_COUNT, COST, RECONSTRUCTION, SEGMENTATION, Column
+from jointsdf.study.csv_rows import IOU
+from jointsdf.study.groups import Comparison, Group, compare
+from jointsdf.study.latex import cell, escape
+from jointsdf.study.table import (
+    Table,
+    finished,
+    measured,
+    ranked_cells,
+    ranked_columns,
+    spread,
+    summaries,
+    unequal,
+)
+
+REFERENCES = {"floor": "the ground truth against itself", "ceiling": "what grid and face rule alone cost"}
+GAPS_SHOWN_BELOW = 100  # part ids up to here are listed without gaps, "--" where no shape has the part
+PART_COUNTS = ((2, 4), (5, 8), (9, 18), (19, None))
+MEAN = "mean ± sample standard deviation over the shapes that every head was run on (N)"
+
+
+def main_reconstruction(group: Group, label: str) -> Table | None:
+    """Reconstruction metrics, a line per head, the baseline included."""
+    what = f"Reconstruction (Chamfer distances times 100), {MEAN}"
+    return _by_head(what, compare(group, baseline=True), RECONSTRUCTION, {}, label)
+
+
+def main_segmentation(group: Group, label: str) -> Table | None:
+    """Segmentation metrics, a line per head, then floor and ceiling. None for a group without labels."""
+    references = ", ".join(f"{name}: {meaning}" for name, meaning in REFERENCES.items())
+    what = f"Segmentation ({references}), {MEAN}"
+    return _by_head(what, compare(group, baseline=False), SEGMENTATION, REFERENCES, label)
+
+
+def cost(group: Group, label: str) -> Table | None:
+    """Seconds of each stage, peak memory and size, a line per head."""
+    comparison = compare(group, baseline=True)
+    what = f"Cost in seconds and MiB, {MEAN}. {measured_on(comparison.runs)}"
+    return _by_head(what, comparison, COST, {}, label)
+
+
+def per_part_iou(group: Group, label: str) -> Table | None:
+    """IoU of each part, a line per part, a column per head. None for a group without labels."""
+    comparison = compare(group, baseline=False)
+    parts = _part_ids(comparison.runs)
+    metrics = [f"iou_{part}" for part in parts]
+    heads = {head: summaries(comparison.of(head), metrics) for head in comparison.heads}
+    if not heads or not parts:
+        return None
+    rows = list(zip(*heads.values(), strict=True))
+    counts = [max(summary.n for summary in row) for row in rows]
+    text = {"Part": [f"$P_{{{part}}}$" for part in parts], "$N$": [str(n) for n in counts]}
+    cells = [ranked_cells(row, digits=2, out_of=n, goal="high") for row, n in zip(rows, counts, strict=True)]
+    text |= {escape(head): [row[column] for row in cells] for column, head in enumerate(heads)}
+    numbers = [
+        {"head": head, "part": part, "n": summary.n, "iou_mean": summary.mean, "iou_std": summary.std}
+        for head, line in heads.items()
+        for part, summary in zip(parts, line, strict=True)
+    ]
+    fewer = any(summary.n < n for row, n in zip(rows, counts, strict=True) for summary in row)
+    what = "IoU of each part, mean ± sample standard deviation over those of the common shapes that have it (N)"
+    return finished(comparison, numbers, text, what, label, unequal=fewer)
+
+
+def part_count(group: Group, label: str) -> Table | None:
+    """The main metrics by the number of parts, a block of lines per range. None for a group without labels."""
+    comparison = compare(group, baseline=False)
+    counts = comparison.runs.groupby("shape")["num_parts"].max()
+    metrics = [column.metric for column in BY_PART_COUNT]
+    text: dict[str, list[str]] = {name: [] for name in ("Parts", "Head", "$N$")}
+    text |= {column.header: [] for column in BY_PART_COUNT}
+    numbers: list[dict[str, Any]] = []
+    fewer, blocks = False, []
+    for low, high in PART_COUNTS:
+        shapes = counts[(counts >= low) & (counts <= (high or counts.max()))].index
+        if shapes.empty:
+            continue
+        name = f"{low}-{high}" if high else f">{low - 1}"
+        runs = comparison.runs[comparison.runs["shape"].isin(shapes)]
+        heads = {head: summaries(runs[runs["head"] == head], metrics) for head in comparison.heads}
+        text["Parts"] += [escape(name).replace("-", "--"), *[""] * (len(heads) - 1)]
+        text["Head"] += map(escape, heads)
+        text["$N$"] += [str(len(shapes))] * len(heads)
+        for column, cells in zip(BY_PART_COUNT, ranked_columns(heads, BY_PART_COUNT, len(shapes)), strict=True):
+            text[column.header] += cells
+        numbers += [
+            {"parts": name, "head": head, "n": len(shapes)} | spread(metrics, line) for head, line in heads.items()
+        ]
+        fewer |= unequal(heads, len(shapes))
+        blocks.append(len(numbers) - 1)
+    what = f"By the number of parts of the ground truth, {MEAN}"
+    return finished(comparison, numbers, text, what, label, unequal=fewer, blocks=blocks) if numbers else None
+
+
+def _by_head(
+    what: str, comparison: Comparison, columns: Sequence[Column], references: Mapping[str, str], label: str
+) -> Table | None:
+    n = len(comparison.shapes)
+    metrics = [column.metric for column in columns]
+    heads = {head: summaries(comparison.of(head), metrics) for head in comparison.heads}
+    if not heads or (n and not measured(heads)):
+        return None
+    below = {kind: summaries(comparison.runs, [f"{metric}_{kind}" for metric in metrics]) for kind in references}
+    below = {kind: line for kind, line in below.items() if measured({kind: line})}
+    text = {
+        "Head": [*map(escape, heads), *(rf"\textit{{{kind}}}" for kind in below)],
+        "$N$": [str(n)] * (len(heads) + len(below)),
+    }
+    for i, (column, cells) in enumerate(zip(columns, ranked_columns(heads, columns, n), strict=True)):
+        rest = [cell(line[i], digits=column.digits, out_of=n, bold=False) for line in below.values()]
+        text[column.header] = cells + rest
+    numbers = [{"head": name, "n": n} | spread(metrics, line) for name, line in (heads | below).items()]
+    blocks = [len(heads) - 1] if below else []
+    return finished(comparison, numbers, text, what, label, unequal=unequal(heads, n), blocks=blocks)
+
+
+def _part_ids(runs: pd.DataFrame) -> list[int]:
+    """Parts of the shapes, ascending; without gaps where the ids are small."""
+    with_numbers = [str(column) for column in runs.columns if IOU.fullmatch(str(column)) and runs[column].notna().any()]
+    ids = sorted(int(column.removeprefix("iou_")) for column in with_numbers)
+    return list(range(ids[-1] + 1)) if ids and ids[-1] < GAPS_SHOWN_BELOW else ids

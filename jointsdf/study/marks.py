@@ -1,0 +1,111 @@
+"""What is drawn inside one panel of a plot."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from jointsdf.study.columns import Column
+from jointsdf.study.drawing import INK, PALE, dodge, look
+from jointsdf.study.groups import Comparison
+from jointsdf.study.main_tables import PART_COUNTS
+from jointsdf.study.statistics import per_shape
+
+REFERENCES: dict[str, Any] = {"floor": "--", "ceiling": ":"}  # line styles
+
+
+def boxes(ax: Axes, comparison: Comparison, column: Column) -> None:
+    """A box and every shape's value per head, and the means of floor and ceiling as lines."""
+    for place, head in enumerate(comparison.heads):
+        style = look(head, comparison.heads)
+        values = np.array([*per_shape(comparison.of(head), column.metric).values()])
+        values = values[~np.isnan(values)]
+        ax.boxplot(
+            [values],
+            positions=[place],
+            widths=0.7,
+            showfliers=False,
+            boxprops={"color": style["color"]},
+            whiskerprops={"color": style["color"]},
+            capprops={"color": style["color"]},
+            medianprops={"color": INK, "linewidth": 1.4},
+        )
+        ax.plot(
+            place + dodge(values, 0.3),
+            values,
+            linestyle="",
+            marker=style["marker"],
+            color=style["color"],
+            markersize=3.2,
+            alpha=0.75,
+            mew=0,
+            label=head,
+        )
+    for kind, dashes in REFERENCES.items():
+        name = f"{column.metric}_{kind}"
+        if name in comparison.runs and comparison.runs[name].notna().any():
+            mean = np.nanmean([*per_shape(comparison.runs, name).values()])
+            ax.axhline(float(mean), color=PALE, linestyle=dashes, linewidth=1.0, label=kind)
+    ax.set_title(column.header)
+    ax.set_xticks([])
+    ax.grid(visible=False, axis="x")
+
+
+def scatter(ax: Axes, comparison: Comparison, x: Column, y: Column, *, error: bool) -> None:
+    """A point per head and shape.
+
+    Args:
+        ax: Panel.
+        comparison: The runs.
+        x: Metric across.
+        y: Metric upwards.
+        error: Whether to show 1 - y.
+    """
+    for head in comparison.heads:
+        across, up = (per_shape(comparison.of(head), column.metric) for column in (x, y))
+        heights = [1 - value if error else value for value in up.values()]
+        style = look(head, comparison.heads) | {"linestyle": ""}
+        ax.plot([*across.values()], heights, markersize=4, alpha=0.75, mew=0, label=head, **style)
+    ax.set_xlabel(x.name + x.unit)
+    ax.set_ylabel(rf"1 $-$ {y.name}" if error else y.header)
+    _log_where_wide(ax, comparison.runs[x.metric])
+
+
+def _log_where_wide(ax: Axes, values: pd.Series) -> None:
+    present = values.dropna()
+    if not present.empty and present.min() > 0 and present.max() > 20 * present.min():
+        ax.set_xscale("log")
+
+
+def by_parts(
+    ax: Axes, values: Mapping[str, float], counts: Mapping[str, int], style: Mapping[str, Any], shift: float
+) -> None:
+    """A head's values over the number of parts, and their mean in each range.
+
+    Args:
+        ax: Panel.
+        values: Shape -> value.
+        counts: Shape -> number of parts.
+        style: From `look`.
+        shift: Sideways, to keep heads apart.
+    """
+    places = np.array([counts[shape] for shape in values], dtype=float)
+    heights = np.array([*values.values()])
+    ax.plot(
+        places + shift,
+        heights,
+        linestyle="",
+        marker=style["marker"],
+        color=style["color"],
+        markersize=3.5,
+        alpha=0.75,
+        mew=0,
+    )
+    for low, high in PART_COUNTS:
+        inside = (places >= low) & (places <= (high or math.inf)) & ~np.isnan(heights)
+        if inside.any():
+            ends = [low - 0.3, (high or places.max()) + 0.3]
+            ax.plot(ends, [heights[inside].mean()] * 2, color=style["color"], linestyle=style["linestyle"])

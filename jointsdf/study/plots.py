@@ -1,0 +1,130 @@
+"""Figures of the rows alone: metrics by head, one against another, against time and against the number of parts."""
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from jointsdf.study.captions import caption, measured_on
+from jointsdf.study.columns import (
+    ACC,
+    CD_L1,
+    CD_L1_OVER_FLOOR,
+    CONSISTENCY,
+    F1,
+    MIOU,
+    MIOU_EXACT,
+    NC,
+    SECONDS,
+    Column,
+)
+from jointsdf.study.drawing import INK, PALE, STYLE, Drawing, legend, look, panels
+from jointsdf.study.groups import Comparison, Group, compare
+from jointsdf.study.marks import REFERENCES, boxes, by_parts, scatter
+from jointsdf.study.statistics import per_shape
+
+COMPARED = (CD_L1, CD_L1_OVER_FLOOR, NC, F1, MIOU, MIOU_EXACT, ACC, CONSISTENCY)
+ERRORS = ((CD_L1, MIOU), (CD_L1_OVER_FLOOR, MIOU_EXACT))
+QUALITY = (CD_L1_OVER_FLOOR, MIOU_EXACT)
+BY_PARTS = (CD_L1_OVER_FLOOR, NC, MIOU, MIOU_EXACT)
+
+
+def metric_comparison(group: Group) -> Drawing | None:
+    """Each metric by head: a box and every shape's value, the mean floor or ceiling as a line."""
+    comparison = compare(group, baseline=True)
+    columns = [column for column in COMPARED if _has(comparison, column)]
+    if not columns or not comparison.shapes:
+        return None
+    with mpl.rc_context(STYLE):
+        figure, axes = panels(-(-len(columns) // 4), 4, 0.35 + 1.75 * -(-len(columns) // 4))
+        for ax, column in zip(axes, columns, strict=False):
+            boxes(ax, comparison, column)
+        for ax in axes[len(columns) :]:
+            ax.set_axis_off()
+        shown = {str(line.get_label()) for ax in axes for line in ax.lines}
+        others = [Line2D([], [], color=PALE, linestyle=REFERENCES[kind], label=kind) for kind in REFERENCES]
+        legend(figure, comparison.heads, others=[line for line in others if line.get_label() in shown])
+    what = (
+        f"Metrics by head on the {len(comparison.shapes)} shapes that every head was run on: each point a shape, box: "
+        "quartiles and median, whiskers to 1.5 interquartile ranges; dashed: mean of the floor (the ground truth "
+        "against itself), dotted: mean of the ceiling (what grid and face rule alone cost)"
+    )
+    return Drawing(figure, caption(what, comparison, unequal=False))
+
+
+def error_scatter(group: Group) -> Drawing | None:
+    """Segmentation error over reconstruction error, a point per head and shape."""
+    comparison = compare(group, baseline=False)
+    pairs = [(x, y) for x, y in ERRORS if _has(comparison, x) and _has(comparison, y)]
+    if not pairs:
+        return None
+    with mpl.rc_context(STYLE):
+        figure, axes = panels(1, len(pairs), 2.9)
+        for ax, (x, y) in zip(axes, pairs, strict=True):
+            scatter(ax, comparison, x, y, error=True)
+        legend(figure, comparison.heads)
+    what = f"Segmentation error over reconstruction error, a point per head and shape ({len(comparison.shapes)} shapes)"
+    return Drawing(figure, caption(what, comparison, unequal=False))
+
+
+def time_quality(group: Group) -> Drawing | None:
+    """Quality over the seconds of a run: a small point per head and shape, a large one per head's mean."""
+    comparison = compare(group, baseline=True)
+    columns = [column for column in QUALITY if _has(comparison, column)]
+    if not columns or not _has(comparison, SECONDS):
+        return None
+    with mpl.rc_context(STYLE):
+        figure, axes = panels(1, len(columns), 2.9)
+        for ax, column in zip(axes, columns, strict=True):
+            scatter(ax, comparison, SECONDS, column, error=False)
+            for head in comparison.heads:
+                means = [
+                    np.nanmean([*per_shape(comparison.of(head), name.metric).values()]) for name in (SECONDS, column)
+                ]
+                style = look(head, comparison.heads)
+                ax.plot(*means, marker=style["marker"], color=style["color"], markersize=10, mec=INK, mew=1.0, zorder=5)
+        legend(figure, comparison.heads)
+    what = (
+        "Quality over the seconds of a whole run: small, a point per head and shape; large and outlined, a head's "
+        "mean. "
+        f"{measured_on(comparison.runs)}"
+    )
+    return Drawing(figure, caption(what, comparison, unequal=False))
+
+
+def part_count(group: Group) -> Drawing | None:
+    """Metrics over the number of parts, with each head's mean in the ranges of the table."""
+    comparison = compare(group, baseline=False)
+    columns = [column for column in BY_PARTS if _has(comparison, column)]
+    if not columns:
+        return None
+    counts = {str(shape): int(parts) for shape, parts in comparison.runs.groupby("shape")["num_parts"].max().items()}
+    with mpl.rc_context(STYLE):
+        figure, axes = panels(-(-len(columns) // 2), 2, 0.35 + 2.1 * -(-len(columns) // 2))
+        for ax, column in zip(axes, columns, strict=False):
+            for place, head in enumerate(comparison.heads):
+                shift = 0.14 * (place - (len(comparison.heads) - 1) / 2)
+                by_parts(ax, per_shape(comparison.of(head), column.metric), counts, look(head, comparison.heads), shift)
+            ax.set_xlabel("parts of the ground truth")
+            ax.set_ylabel(column.header)
+            ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+        for ax in axes[len(columns) :]:
+            ax.set_axis_off()
+        legend(figure, comparison.heads)
+    what = (
+        f"Metrics over the number of parts of the {len(comparison.shapes)} shapes that every head was run on: a point "
+        "per head and shape, bars: means over 2-4, 5-8, 9-18 and more than 18 parts"
+    )
+    return Drawing(figure, caption(what, comparison, unequal=False))
+
+
+def _has(comparison: Comparison, column: Column) -> bool:
+    return column.metric in comparison.runs and bool(comparison.runs[column.metric].notna().any())
+
+
+PLOTS = {
+    "metric_comparison": metric_comparison,
+    "error_scatter": error_scatter,
+    "time_quality": time_quality,
+    "part_count_plot": part_count,
+}

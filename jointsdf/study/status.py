@@ -1,0 +1,78 @@
+"""How a study stands: a grid of heads by shapes for each variant, what failed and why, and how long the rest takes."""
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from statistics import fmean
+
+from jointsdf.results import ROW_FILE, read_row
+from jointsdf.run_state import TRACEBACK, RunState, duration, planned, state
+
+COUNTED = ("done", "running", "failed", "damaged", "stopped", "missing")
+
+
+def status(study: Path) -> str:
+    """How the study's runs stand, as text for a terminal.
+
+    Args:
+        study: Its folder, `<outputs>/<study>`.
+
+    Raises:
+        ValueError: There are no runs in it. One line, with the fix.
+    """
+    folders = dict.fromkeys([*planned(study), *sorted(study.glob("*/*/*/seed*"))])
+    if not folders:
+        raise ValueError(f"{study}: no runs there; `python train.py sweeps={study.name}` starts a stored sweep")
+    states = {folder: state(folder) for folder in folders}
+    cells = {folder: _cell(found) for folder, found in states.items()}
+    kinds: Counter[str] = Counter(found.kind for found in states.values())
+    seconds: list[float] = []
+    problems: list[str] = []
+    for folder, found in states.items():
+        if found.kind == "failed":
+            problems.append(f"failed: {folder}: {found.error} ({TRACEBACK} there)")
+        if found.kind == "done":
+            try:
+                seconds.append(read_row(folder / ROW_FILE).seconds["total"])
+            except (ValueError, KeyError) as error:
+                cells[folder] = "damaged"
+                kinds.update(done=-1, damaged=1)
+                problems.append(f"damaged: {error}")
+    counts = ", ".join(f"{kinds[kind]} {kind}" for kind in COUNTED if kinds[kind])
+    left = len(folders) - kinds["done"] - kinds["failed"]
+    if seconds and left:
+        counts += f"; about {duration(fmean(seconds) * left)} left, one after the other"
+    return "\n".join([f"{study}: {len(folders)} runs: {counts}", *_grids(cells), *problems])
+
+
+def _cell(found: RunState) -> str:
+    share = f"{100 * found.step // found.steps}%" if found.steps else ""
+    if found.kind == "missing":
+        return "-"
+    if found.kind != "running":
+        return f"{found.kind} {share}".strip()
+    if not found.steps:
+        return "starting"
+    if found.step >= found.steps:
+        return "measuring"
+    rest = duration(found.seconds / found.step * (found.steps - found.step)) if found.step else "?"
+    return f"{share}, {rest}"
+
+
+def _grids(cells: dict[Path, str]) -> Iterable[str]:
+    """A block of lines per variant: a line per shape, a column per head, or per head and seed where seeds differ."""
+    seeds = {folder.name for folder in cells}
+    for variant in dict.fromkeys(folder.parts[-4] for folder in cells):
+        grid: dict[str, dict[str, str]] = {}
+        for folder, cell in cells.items():
+            _, head, shape, seed = folder.parts[-4:]
+            if folder.parts[-4] == variant:
+                grid.setdefault(shape, {})[head if len(seeds) == 1 else f"{head} {seed}"] = cell
+        columns = list(dict.fromkeys(column for line in grid.values() for column in line))
+        lines = [
+            [variant, *columns],
+            *([shape, *(line.get(column, "") for column in columns)] for shape, line in grid.items()),
+        ]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        yield ""
+        yield from ("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)

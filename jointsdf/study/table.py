@@ -1,0 +1,95 @@
+"""What every table is made of: numbers for CSV, text for LaTeX, and the ways to summarise a head."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from jointsdf.study.captions import caption
+from jointsdf.study.columns import Column
+from jointsdf.study.groups import Comparison
+from jointsdf.study.latex import Goal, best, cell, tabular
+from jointsdf.study.statistics import Summary, per_shape, summarise
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Table:
+    """One finished table: numbers for CSV, text for LaTeX."""
+
+    numbers: pd.DataFrame
+    latex: str
+
+
+def finished(
+    comparison: Comparison,
+    numbers: list[dict[str, Any]],
+    text: Mapping[str, list[str]],
+    what: str,
+    label: str,
+    *,
+    unequal: bool = False,
+    blocks: Sequence[int] = (),
+) -> Table:
+    """Put a table together; its caption says what it is over.
+
+    Args:
+        comparison: The runs in it.
+        numbers: Lines of the CSV.
+        text: LaTeX header -> cells.
+        what: First sentences of the caption, without the last full stop.
+        label: Name of the table.
+        unequal: Whether some mean is over fewer shapes than the others.
+        blocks: Lines that a gap follows.
+    """
+    if not comparison.shapes:
+        log.warning(f"{label}: no shape was run with every head ({', '.join(comparison.heads)}); run the missing ones")
+    origin = comparison.group.key | {
+        "dropped_shapes": " ".join(comparison.dropped),
+        "without_mesh": len(comparison.runs[comparison.runs["status"] != "ok"]),
+    }
+    described = caption(what, comparison, unequal=unequal)
+    return Table(
+        pd.DataFrame([line | origin for line in numbers]),
+        tabular(pd.DataFrame(dict(text)), caption=described, label=label, blocks=blocks),
+    )
+
+
+def summaries(runs: pd.DataFrame, metrics: Sequence[str]) -> list[Summary]:
+    """Each metric over the shapes of the runs."""
+    return [summarise(per_shape(runs, metric).values()) for metric in metrics]
+
+
+def measured(lines: Mapping[str, Sequence[Summary]]) -> bool:
+    """Whether there is any number in the lines."""
+    return any(summary.n for line in lines.values() for summary in line)
+
+
+def ranked_cells(column: Sequence[Summary], *, digits: int, out_of: int, goal: Goal) -> list[str]:
+    """Cells of summaries that compete, the best one bold."""
+    bold = best(column, digits=digits, out_of=out_of, goal=goal)
+    return [cell(item, digits=digits, out_of=out_of, bold=b) for item, b in zip(column, bold, strict=True)]
+
+
+def ranked_columns(lines: Mapping[str, Sequence[Summary]], columns: Sequence[Column], out_of: int) -> list[list[str]]:
+    """Cells of each column, for one line per head."""
+    return [
+        ranked_cells([line[i] for line in lines.values()], digits=column.digits, out_of=out_of, goal=column.goal)
+        for i, column in enumerate(columns)
+    ]
+
+
+def spread(metrics: Sequence[str], line: Sequence[Summary]) -> dict[str, float]:
+    """The numbers of a line as `<metric>_mean`, `_std` and `_n`."""
+    flat: dict[str, float] = {}
+    for metric, summary in zip(metrics, line, strict=True):
+        flat |= {f"{metric}_mean": summary.mean, f"{metric}_std": summary.std, f"{metric}_n": summary.n}
+    return flat
+
+
+def unequal(lines: Mapping[str, Sequence[Summary]], out_of: int) -> bool:
+    """Whether some mean is over fewer shapes than the line's."""
+    return any(summary.n < out_of for line in lines.values() for summary in line if summary.n)

@@ -1,0 +1,68 @@
+"""Result rows made by hand, and the tables that they give."""
+
+import math
+from pathlib import Path
+
+import pandas as pd
+
+from jointsdf.results import ResultRow, write_row
+from jointsdf.study.collect import gather
+from jointsdf.study.tables import write_tables
+
+NAN = math.nan
+
+
+def make_row(
+    head: str = "relu",
+    shape: str = "abc_0001",
+    seed: int = 0,
+    *,
+    study: str = "fast",
+    recipe: str = "fast",
+    variant: str = "base",
+    provider: str = "brep",
+    status: str = "ok",
+    protocol: str = "unit",
+    sha: str | None = None,
+    parts: int = 2,
+    **metrics: float,
+) -> ResultRow:
+    return ResultRow(
+        study=study,
+        variant=variant,
+        recipe=recipe,
+        head=head,
+        shape=shape,
+        seed=seed,
+        status=status,
+        steps=10,
+        num_parts=parts,
+        counts={"faces_pred": 100},
+        seconds={"fit": 2.5},
+        peak_memory_mb=100.0,
+        scores={protocol: metrics},
+        provenance={
+            "label_provider": provider,
+            "mesh_sha256": sha or shape,
+            "versions": {"torch": "2.13.0"},
+            "machine": "a machine",
+            "device": "cpu",
+            "threads": 2,
+        },
+    )
+
+
+def write(outputs: Path, *rows: ResultRow) -> None:
+    for number, row in enumerate(rows):
+        write_row(outputs / f"run{number:04d}", row)
+
+
+def make_tables(outputs: Path, results: Path | None = None) -> list[Path]:
+    results = results or outputs / "no-results"
+    return write_tables(gather(outputs, results), outputs, results)
+
+
+def line(table: pd.DataFrame, head: str) -> pd.Series:
+    (_, found), *others = table[table["head"] == head].iterrows()
+    assert not others
+    return found
