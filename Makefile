@@ -1,19 +1,21 @@
 # Everything a newcomer types. PYTHON: the interpreter that .venv is made with. ARGS: passed on to the command.
+# STUDY: a file in sweeps/.
 NEW_ENOUGH := -c 'import sys; sys.exit(sys.version_info < (3, 11))'
 PYTHON ?= $(shell for p in python3.11 python3 python; do "$$p" $(NEW_ENOUGH) 2>/dev/null && command -v "$$p" && break; done)
 VENV ?= .venv
 TORCH ?= torch==2.13.0
 ARGS ?=
+STUDY ?= smoke
 
 RUN := "$(VENV)/bin/python"
 STAMP := $(VENV)/.complete
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test lint train tables abc clean
+.PHONY: help setup demo test test-slurm lint train sweep results tables figures report abc bench clean
 
 help: ## List these commands
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' Makefile
 
 setup: $(STAMP) ## Make .venv and install the pinned versions (nothing to do when up to date)
 
@@ -33,14 +35,33 @@ demo: setup ## Fit, extract and measure the built-in part part_01, and say where
 train: setup ## One run or a sweep, e.g. make train ARGS="head=relu shape=part_02"
 	$(RUN) train.py $(ARGS)
 
+sweep: setup ## A whole study, STUDY=main: finished runs are skipped, partial ones go on; ARGS="head=siren" narrows it
+	$(RUN) train.py sweeps=$(STUDY) $(ARGS)
+
+results: setup ## The rows of STUDY into results/<study>/runs.csv, to be committed: no clone runs them again
+	$(RUN) -m jointsdf.study results $(STUDY) $(ARGS)
+
 tables: setup ## Tables (.csv and .tex) of all runs below outputs/, in outputs/tables/
 	$(RUN) -m jointsdf.study tables $(ARGS)
+
+figures: setup ## Figures (.pdf and .png) of all runs below outputs/, in outputs/figures/
+	$(RUN) -m jointsdf.figures $(ARGS)
+
+report: figures ## All tables and figures in one document, outputs/tables/report.pdf (needs LaTeX)
+	$(RUN) -m jointsdf.study report $(ARGS)
 
 abc: setup ## The catalogue's ABC shapes into data/abc, from a download or ARGS="--from DIR"; ARGS=--help tells more
 	$(RUN) -m jointsdf.shapes.abc prepare $(ARGS)
 
+bench: setup ## Ratios of step, extraction, overhead and time to quality, in about 15 minutes; ARGS=--write keeps them
+	$(RUN) -m benchmarks $(ARGS)
+
 test: setup ## The whole test suite, slow tests included; ARGS="-m 'not slow'" leaves those out
 	$(RUN) -m pytest $(ARGS)
+
+test-slurm: setup ## The test of hydra/launcher=slurm, on a SLURM that it starts here; needs root and apt install slurm-wlm munge
+	$(RUN) -m pip install --quiet -c constraints.txt -e '.[slurm]'
+	JOINTSDF_TEST_SLURM=1 $(RUN) -m pytest tests/test_engines.py -k slurm $(ARGS)
 
 lint: setup ## ruff, mypy and the import contracts
 	$(RUN) -m ruff check .

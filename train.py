@@ -1,13 +1,18 @@
-"""Fit, extract and measure: `python train.py head=siren shape=abc_0001`; several at once with `-m`."""
+"""Fit, extract and measure: `python train.py head=siren shape=abc_0001`; many at once with `-m` or `sweeps=main`."""
 
 import sys
+import warnings
 
 import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
 from omegaconf import DictConfig
 
+from jointsdf import sweep
 from jointsdf.console import quiet_libraries, user_errors
 
 failed: list[str] = []
+warnings.filterwarnings("ignore", r"\s*'hydra/launcher/ray' is validated")  # by the plugin's schema: as it should
 
 
 @hydra.main(config_path="conf", config_name="config", version_base="1.3")
@@ -17,10 +22,23 @@ def train(cfg: DictConfig) -> float | None:
         from jointsdf.experiment import run  # torch and lightning only after Hydra has accepted the command line
 
         quiet_libraries()
+        if HydraConfig.get().mode is RunMode.MULTIRUN:
+            return sweep.run_one(cfg)
         return run(cfg).scores[cfg.evaluation.primary]["cd_l1"]
     return None
 
 
+def main() -> int:
+    """Exit code: 2 for what the user can mend, 1 for a sweep that is not finished."""
+    unfinished = 0
+    try:
+        train()
+        with user_errors(failed):
+            sweep.wait_for_postponed()
+    finally:
+        unfinished = sweep.sum_up()
+    return 2 if failed else min(unfinished, 1)
+
+
 if __name__ == "__main__":
-    train()
-    sys.exit(2 if failed else 0)
+    sys.exit(main())

@@ -110,19 +110,39 @@ def settings_of(cfg: DictConfig, shape: Shape) -> tuple[dict[str, Any], dict[str
     return settings, run_folder.identity(settings, **identity_of(shape))
 
 
+def stored_truth(folder: Path) -> tuple[DictConfig, Shape]:
+    """The config that a run folder holds, and the run's ground truth.
+
+    Raises:
+        InputError: There is no config, or the ground truth is not what it was. One line.
+    """
+    stored = run_folder.read_config(folder)
+    cfg = OmegaConf.create(stored)
+    with settings_errors(f"{folder / run_folder.CONFIG} is damaged"):
+        shape = load_shape(cfg)
+    if (now := identity_of(shape)) != (before := stored["identity"]["shape"]):
+        changed = ", ".join(f"{key} ({before.get(key)} -> {now[key]})" for key in now if before.get(key) != now[key])
+        raise InputError(f"{folder}: its ground truth is not there any more: {changed}; put it back at {cfg.shape}")
+    return cfg, shape
+
+
 def identity_of(shape: Shape) -> dict[str, str]:
     """What tells one ground truth from another."""
     return {"name": shape.name, "mesh_sha256": shape.mesh_sha256, "labels_sha256": shape.labels_sha256}
 
 
-def measures(cfg: DictConfig) -> Measures:
+def measures(cfg: DictConfig, resolution: int) -> Measures:
     """How the run's mesh is made and measured.
+
+    Args:
+        cfg: The composed config.
+        resolution: Of the extraction grid, which the config may leave to the shape.
 
     Raises:
         InputError: A component refuses its settings.
     """
     with settings_errors("extraction"):
-        extraction = instantiate(cfg.extraction)
+        extraction = instantiate(cfg.extraction, resolution=resolution)
     with settings_errors("evaluation"):
         return Measures(extraction, instantiate(cfg.evaluation.protocols, _convert_="all"))
 
@@ -182,5 +202,7 @@ def preview(cfg: DictConfig, shape: Shape, measures: Measures) -> Callable[[Summ
         protocol=Protocol("preview", 5000, "truth", measures.protocols[cfg.evaluation.primary].metrics),
         extraction=Extraction(resolution=resolution),
         every=cfg.trainer.preview_every,
-        picture=partial(compare, captions=("ground truth", f"preview at {resolution}^3, not a result")),
+        picture=partial(
+            compare, captions=("ground truth", f"preview at {resolution}^3, not a result"), width=320, height=240
+        ),
     )

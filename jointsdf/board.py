@@ -1,6 +1,7 @@
 """What TensorBoard shows of a run: previews on the way, and the finished result."""
 
 from collections.abc import Callable, Mapping
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -11,15 +12,15 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from numpy import ndarray
 from torch.utils.tensorboard import SummaryWriter
 
-from jointsdf.evaluation import Protocol, evaluate
+from jointsdf.evaluation import GroundTruth, Protocol
 from jointsdf.extraction import Extraction
 from jointsdf.field import JointField
 from jointsdf.module import JointSDFModule
 from jointsdf.values import LabelledMesh
-from jointsdf.viewing.export import TENSORBOARD_VERTICES, tensorboard_mesh
+from jointsdf.viewing.export import fits_tensorboard, tensorboard_mesh
 
 PREVIEW_COLUMNS = ("cd_l1", "nc", "miou")
-MESH_RESOLUTIONS = (64, 48, 32, 24, 16, 8)  # tried in turn: a noisy field's mesh can be too large for the mesh tab
+MESH_RESOLUTIONS = (64, 48, 32, 24, 16, 8)  # tried in turn, where the run's own mesh is too large for the mesh tab
 
 
 def extract(field: JointField, extraction: Extraction) -> LabelledMesh:
@@ -48,7 +49,7 @@ class Preview(Callback):
         every: int,
         picture: Callable[[LabelledMesh, LabelledMesh], UInt8[ndarray, "h w 3"]],
     ) -> None:
-        self.writer, self.truth, self.protocol = writer, truth, protocol
+        self.writer, self.truth = writer, GroundTruth(truth, {"preview": protocol})
         self.extraction, self.every, self.picture = extraction, every, picture
 
     def on_train_batch_end(self, trainer: Trainer, pl_module: LightningModule, *_: Any) -> None:
@@ -58,51 +59,52 @@ class Preview(Callback):
             return
         assert isinstance(pl_module, JointSDFModule)
         mesh = extract(pl_module.field, self.extraction)
-        scores = evaluate(mesh, self.truth, None, {"preview": self.protocol})["preview"]
+        scores = self.truth.scores(mesh)["preview"]
         tag = f"preview_{self.extraction.resolution}"
         for column in PREVIEW_COLUMNS:
             if np.isfinite(scores.get(column, np.nan)):
                 self.writer.add_scalar(f"{tag}/{column}", scores[column], step)
-        self.writer.add_image(f"{tag}/truth_and_prediction", self.picture(self.truth, mesh), step, dataformats="HWC")
+        self.writer.add_image(
+            f"{tag}/truth_and_prediction", self.picture(self.truth.mesh, mesh), step, dataformats="HWC"
+        )
 
 
 def log_result(
     board: TensorBoardLogger,
     field: JointField,
+    mesh: LabelledMesh,
     picture: UInt8[ndarray, "h w 3"],
     settings: Mapping[str, Any],
     scores: Mapping[str, float],
     step: int,
-    resolution: int,
 ) -> None:
     """The finished run in TensorBoard: picture, mesh tab, hparams beside final metrics.
 
     Args:
         board: Where to.
-        field: For the mesh tab, on a grid that the tab can show.
+        field: For the mesh tab, where the run's mesh is too large for it.
+        mesh: The run's, file frame.
         picture: Ground truth and prediction side by side.
         settings: Plain values that name the run.
         scores: Final metrics.
         step: Steps done.
-        resolution: Of the result; the mesh tab's mesh is no finer.
     """
     board.experiment.add_image("result/truth_and_prediction", picture, step, dataformats="HWC")
-    _log_mesh(board.experiment, field, step, resolution)
+    _log_mesh(board.experiment, field, mesh, step)
     finite = {f"result/{name}": value for name, value in scores.items() if np.isfinite(value)}
     board.log_hyperparams(dict(settings), finite, step)  # SummaryWriter.add_hparams would make a run of its own
     board.finalize("success")
 
 
-def _log_mesh(writer: SummaryWriter, field: JointField, step: int, finest: int) -> None:
+def _log_mesh(writer: SummaryWriter, field: JointField, mesh: LabelledMesh, step: int) -> None:
     """The mesh tab's entry; none for a field without a surface."""
-    for resolution in (size for size in MESH_RESOLUTIONS if size <= finest):
-        mesh = extract(field, Extraction(resolution=resolution))
-        corners = np.stack([mesh.faces.reshape(-1), np.repeat(mesh.labels, 3)], axis=1)
-        if not mesh.is_empty and len(np.unique(corners, axis=0)) <= TENSORBOARD_VERTICES:
-            break
-    else:
+    if mesh.is_empty:
         return
-    vertices, colours, faces = (torch.as_tensor(array) for array in tensorboard_mesh(mesh))
+    coarser = (extract(field, Extraction(resolution=resolution)) for resolution in MESH_RESOLUTIONS)
+    fitting = (found for found in chain([mesh], coarser) if not found.is_empty and fits_tensorboard(found))
+    if (shown := next(fitting, None)) is None:
+        return
+    vertices, colours, faces = (torch.as_tensor(array) for array in tensorboard_mesh(shown))
     camera = {"cls": "PerspectiveCamera", "fov": 60, "position": [0, 0, 3.3]}
     lights = [
         {"cls": "AmbientLight", "color": "#ffffff", "intensity": 0.9},

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from jointsdf import assembly, run_folder, run_state
 from jointsdf.board import extract, log_result
-from jointsdf.data import network_distance
-from jointsdf.evaluation import evaluate
+from jointsdf.companions import companions
+from jointsdf.evaluation import GroundTruth, Scores
 from jointsdf.field import JointField
 from jointsdf.fitting import board_of, fit, save_field
 from jointsdf.machine import choose_matmul, peak_memory_mb, reset_peak_memory
@@ -23,13 +23,13 @@ from jointsdf.provenance import code_state, provenance
 from jointsdf.results import ResultRow, config_hash, write_row
 from jointsdf.reuse import known_row
 from jointsdf.shapes.report import MeshReport, mesh_report
-from jointsdf.values import InputError, LabelledMesh, Normalisation, Shape
+from jointsdf.values import LabelledMesh, Normalisation, Shape
 from jointsdf.viewing.export import write_mesh
 from jointsdf.viewing.render import compare, write_png
 
 log = logging.getLogger(__name__)
 
-Scores = dict[str, dict[str, float]]
+KEPT = ".companions"  # below the outputs: floors and ceilings by shape and grid
 
 
 @dataclass
@@ -71,10 +71,10 @@ def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
         return row
     with watch("prepare"):
         torch.manual_seed(cfg.seed)
-        measures = assembly.measures(cfg)
         data, module = assembly.build(cfg, shape)
-        machine = machine_facts(cfg, module)
         report = mesh_report(shape, data.cloud.normalisation.scale, cfg.extraction.resolution)
+        measures = assembly.measures(cfg, report.resolution)
+        machine = machine_facts(cfg, module)
         report.log()
     with run_state.lock(folder, wait=wait):
         if row := run_folder.finished_row(folder, numbers, force=cfg.force, reuse=cfg.reuse):
@@ -85,14 +85,15 @@ def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
         preview = assembly.preview(cfg, shape, measures)
         how = {key: cfg.trainer[key] for key in ("accelerator", "checkpoint_seconds", "log_every")}
         watch.seconds["fit"], machine["device"] = fit(module, data, folder, preview=preview, **how)
-        save_field(module.field, folder / "field.ckpt")
+        save_field(module.field, folder / run_folder.FIELD)
         with watch("extract"):
             mesh = extract(module.field, measures.extraction)
             write_mesh(folder, mesh)
         with watch("evaluate"):
-            scores = measure(measures, shape, mesh, data.cloud.normalisation)
+            kept = Path(cfg.paths.outputs, KEPT)
+            scores = measure(measures, shape, mesh, data.cloud.normalisation, kept)
         with watch("picture"):
-            show(cfg, folder, shape, mesh, module.field, scores[cfg.evaluation.primary])
+            show(cfg, folder, shape, mesh, module.field, scores[cfg.evaluation.primary], report.resolution)
         row = result_row(cfg, shape, report, module.field, mesh, scores, watch.seconds, config_hash(numbers), machine)
         write_row(folder, row)
         (folder / run_folder.CHECKPOINT).unlink(missing_ok=True)
@@ -135,24 +136,30 @@ def machine_facts(cfg: DictConfig, module: JointSDFModule) -> dict[str, str | in
     return {"matmul": matmul, "threads": threads, "backward": backward}
 
 
-def measure(measures: assembly.Measures, shape: Shape, mesh: LabelledMesh, normalisation: Normalisation) -> Scores:
-    """Every metric of every protocol, with floors and ceilings."""
-    exact = network_distance(shape, normalisation)
-    ceiling = measures.extraction.labelled_mesh(
-        exact.signed, lambda points: shape.mesh.labels[exact.closest_face(points)], normalisation
-    )
-    return evaluate(mesh, shape.mesh, ceiling, measures.protocols)
+def measure(
+    measures: assembly.Measures, shape: Shape, mesh: LabelledMesh, normalisation: Normalisation, kept: Path | None
+) -> Scores:
+    """Every metric of every protocol, with floors and ceilings; those are kept in the folder for the next run."""
+    truth = GroundTruth(shape.mesh, measures.protocols)
+    beside = companions(truth, shape, measures.extraction, normalisation, kept)
+    return {name: scores | beside[name] for name, scores in truth.scores(mesh).items()}
 
 
 def show(
-    cfg: DictConfig, folder: Path, shape: Shape, mesh: LabelledMesh, field: JointField, scores: dict[str, float]
+    cfg: DictConfig,
+    folder: Path,
+    shape: Shape,
+    mesh: LabelledMesh,
+    field: JointField,
+    scores: dict[str, float],
+    resolution: int,
 ) -> None:
     """`preview.png` and the run's last TensorBoard entries."""
-    made_by = f"{cfg.recipe}, head {cfg.head.name}, {cfg.extraction.resolution}^3"
+    made_by = f"{cfg.recipe}, head {cfg.head.name}, {resolution}^3"
     picture = compare(shape.mesh, mesh, captions=(f"{shape.name}: ground truth", made_by))
     write_png(folder / "preview.png", picture)
     settings = {"recipe": cfg.recipe, "head": cfg.head.name, "shape": shape.name, "seed": cfg.seed}
-    log_result(board_of(folder), field, picture, settings, scores, cfg.trainer.max_steps, cfg.extraction.resolution)
+    log_result(board_of(folder), field, mesh, picture, settings, scores, cfg.trainer.max_steps)
 
 
 def result_row(
@@ -194,7 +201,7 @@ def result_row(
             **machine,
             mesh_sha256=shape.mesh_sha256,
             label_provider=shape.label_provider,
-            resolution=cfg.extraction.resolution,
+            resolution=report.resolution,
             **report.facts(),
         ),
     )
@@ -223,14 +230,11 @@ def measure_again(folder: Path) -> tuple[ResultRow, Scores]:
     Raises:
         InputError: Not a finished run's folder, or its ground truth is no longer there.
     """
-    stored = run_folder.read_config(folder)
+    cfg, shape = assembly.stored_truth(folder)
     row = run_folder.stored_row(folder)
-    field = JointField.load(folder / "field.ckpt")
-    cfg = OmegaConf.create(stored)
+    field = JointField.load(folder / run_folder.FIELD)
+    resolution = row.provenance["resolution"]
+    assert isinstance(resolution, int), "a row without its grid"
     with assembly.settings_errors(f"{folder / run_folder.CONFIG} is damaged"):
-        measures = assembly.measures(cfg)
-        shape = assembly.load_shape(cfg)
-    if (now := assembly.identity_of(shape)) != (before := stored["identity"]["shape"]):
-        changed = ", ".join(f"{key} ({before.get(key)} -> {now[key]})" for key in now if before.get(key) != now[key])
-        raise InputError(f"{folder}: its ground truth is not there any more: {changed}; put it back at {cfg.shape}")
-    return row, measure(measures, shape, extract(field, measures.extraction), field.normalisation)
+        measures = assembly.measures(cfg, resolution)
+    return row, measure(measures, shape, extract(field, measures.extraction), field.normalisation, None)

@@ -4,11 +4,13 @@ import errno
 import logging
 import os
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import torch
-from lightning import Callback, LightningDataModule, Trainer
+from lightning import Callback, LightningDataModule, LightningModule, Trainer
 from lightning.fabric.utilities.exceptions import MisconfigurationException
 from lightning.pytorch.callbacks import LearningRateMonitor
 from lightning.pytorch.loggers import TensorBoardLogger
@@ -18,9 +20,12 @@ from jointsdf.callbacks import Checkpoints, ProgressBar, stored_step
 from jointsdf.field import JointField
 from jointsdf.module import JointSDFModule
 from jointsdf.run_folder import BOARD, CHECKPOINT
+from jointsdf.run_state import report
 from jointsdf.values import InputError
 
 log = logging.getLogger(__name__)
+
+REPORT_SECONDS = 5.0
 
 
 def fit(
@@ -57,7 +62,7 @@ def fit(
         log.info("going on from step %d of %d", done, steps)
     board = board_of(folder, purge_step=done or None)  # what was logged after the checkpoint comes again
     checkpoints = Checkpoints(path, checkpoint_seconds, done)
-    callbacks: list[Callback] = [checkpoints, LearningRateMonitor("step")]
+    callbacks: list[Callback] = [checkpoints, LearningRateMonitor("step"), StatusFile(folder, checkpoints)]
     callbacks += [ProgressBar(steps)] if sys.stderr.isatty() else []
     callbacks += [preview(board.experiment)] if preview else []
     trainer = _trainer(accelerator, steps, board, callbacks, log_every)
@@ -70,6 +75,31 @@ def fit(
     device = torch.cuda.get_device_name(module.device) if module.device.type == "cuda" else module.device.type
     module.to("cpu").eval()
     return checkpoints.seconds_trained, device
+
+
+class StatusFile(Callback):
+    """Tells whoever looks at the run folder how far the fit is.
+
+    Args:
+        folder: The run folder.
+        checkpoints: Knows the seconds of training.
+    """
+
+    def __init__(self, folder: Path, checkpoints: Checkpoints) -> None:
+        self.folder, self.checkpoints, self.told_at = folder, checkpoints, 0.0
+
+    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:  # noqa: ARG002
+        """Tell where a resumed fit goes on."""
+        self._tell(trainer)
+
+    def on_train_batch_end(self, trainer: Trainer, *_: Any) -> None:
+        """Tell when it is time."""
+        if trainer.global_step >= trainer.max_steps or time.monotonic() - self.told_at >= REPORT_SECONDS:
+            self._tell(trainer)
+
+    def _tell(self, trainer: Trainer) -> None:
+        report(self.folder, trainer.global_step, trainer.max_steps, self.checkpoints.seconds_trained)
+        self.told_at = time.monotonic()
 
 
 def board_of(folder: Path, purge_step: int | None = None) -> TensorBoardLogger:

@@ -96,7 +96,7 @@ def read_row(path: Path) -> ResultRow:
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
-        return _row(content)
+        return row_of(content)
     except ValueError as error:
         raise ValueError(f"{path}: not a readable result row: {error}") from error
 
@@ -127,27 +127,12 @@ def read_rows(root: Path) -> tuple[list[ResultRow], list[str]]:
     return [row for row, _ in rows.values()], problems
 
 
-def config_hash(resolved: Mapping[str, Any]) -> str:
-    """Identify a resolved configuration: 16 hex digits, the same for any order of its keys."""
-    canonical = json.dumps(_plain(resolved), sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(canonical.encode()).hexdigest()[:16]
+def row_of(content: Any) -> ResultRow:
+    """Check what was read from a file, and make it a row.
 
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _refuse_constant(token: str) -> NoReturn:
-    raise ValueError(f"{token} is not JSON; delete the file and run that fit again")
-
-
-def _row(content: Any) -> ResultRow:
+    Raises:
+        ValueError: It is not a row of this schema. One line, with the fix.
+    """
     again = "delete the file and run that fit again"
     if not isinstance(content, dict) or not isinstance(content.get("schema"), int):
         raise ValueError(f"no schema number in it; {again}")
@@ -168,6 +153,26 @@ def _row(content: Any) -> ResultRow:
     if wrong := [name for name, kind in kinds.items() if not isinstance(content[name], kind)]:
         raise ValueError(f"wrong type of {', '.join(wrong)}; {again}")
     return ResultRow(**content)
+
+
+def config_hash(resolved: Mapping[str, Any]) -> str:
+    """Identify a resolved configuration: 16 hex digits, the same for any order of its keys."""
+    canonical = json.dumps(_plain(resolved), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(canonical.encode()).hexdigest()[:16]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _refuse_constant(token: str) -> NoReturn:
+    raise ValueError(f"{token} is not JSON; delete the file and run that fit again")
 
 
 def _floats(values: dict[str, Any]) -> dict[str, float]:

@@ -1,5 +1,6 @@
 """The folder of one run: which config it holds, and whether another may have it."""
 
+import logging
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,10 +8,14 @@ from typing import Any
 
 import yaml
 
-from jointsdf.results import ROW_FILE, ResultRow, read_row, write_atomically
+from jointsdf.results import ROW_FILE, ResultRow, config_hash, read_row, write_atomically
+from jointsdf.run_state import LOCK, STATUS
 from jointsdf.values import InputError
 
-CONFIG, CHECKPOINT, BOARD = "config.yaml", "last.ckpt", "tb"
+CONFIG, CHECKPOINT, FIELD, BOARD = "config.yaml", "last.ckpt", "field.ckpt", "tb"
+REUSED = "reused_from"  # in a row's provenance: the run or the file that it was taken from
+
+log = logging.getLogger(__name__)
 
 # What decides the numbers of a run; everything else in the config is where and how it runs.
 NUMBERS = ("seed", "tessellation", "data", "trunk", "head", "loss", "optimizer", "trainer", "extraction", "evaluation")
@@ -30,30 +35,35 @@ def identity(settings: Mapping[str, Any], **shape: str) -> dict[str, Any]:
     return numbers | {"shape": shape}
 
 
-def finished_row(folder: Path, numbers: Mapping[str, Any], *, force: bool) -> ResultRow | None:
-    """The row of this very run, if the folder holds it already; nothing is written.
+def finished_row(folder: Path, numbers: Mapping[str, Any], *, force: bool, reuse: bool) -> ResultRow | None:
+    """The row of this very run, if the folder holds it already, undamaged; nothing is written.
 
     Args:
         folder: The run folder; need not be there.
         numbers: From `identity`.
         force: Whether what the folder holds does not matter.
+        reuse: Whether a row taken from another study will do.
 
     Raises:
         InputError: The folder holds a checkpoint or result of another config (the differing keys are listed), or a
-            damaged one.
+            damaged config.
     """
     if force or not ((folder / ROW_FILE).exists() or (folder / CHECKPOINT).exists()):
         return None
     if not (folder / CONFIG).is_file():
         raise InputError(f"{folder} holds a run without its {CONFIG}; force=true starts it over")
-    _refuse_another(folder, _flat(read_config(folder)["identity"]), _flat(numbers))
-    return stored_row(folder) if (folder / ROW_FILE).exists() else None
+    _refuse_another(folder, read_config(folder)["identity"], numbers)
+    try:
+        row = read_row(folder / ROW_FILE)
+    except (FileNotFoundError, ValueError):  # `claim` reports a damaged one
+        return None
+    return row if reuse or REUSED not in row.provenance else None
 
 
 def claim(folder: Path, settings: Mapping[str, Any], numbers: Mapping[str, Any], *, resume: str, force: bool) -> None:
     """Make the folder this run's: write its config there.
 
-    Without a checkpoint to go on from, whatever an earlier attempt left is removed.
+    Without a checkpoint to go on from, whatever an earlier attempt left is removed. A damaged result is reported.
 
     Args:
         folder: The run folder, for which `finished_row` gave None; made where it is not there.
@@ -62,8 +72,13 @@ def claim(folder: Path, settings: Mapping[str, Any], numbers: Mapping[str, Any],
         resume: `auto` keeps the folder's checkpoint, `never` does not.
         force: Whether to throw away what the folder holds.
     """
+    if not force and (folder / ROW_FILE).exists():
+        try:
+            read_row(folder / ROW_FILE)
+        except ValueError as error:
+            log.warning("%s; the run is done again", error)
     if folder.is_dir() and (force or resume == "never" or not (folder / CHECKPOINT).exists()):
-        shutil.rmtree(folder)
+        _clear(folder)
     write_atomically(folder / CONFIG, yaml.safe_dump({**settings, "identity": dict(numbers)}, sort_keys=False))
 
 
@@ -101,12 +116,23 @@ def stored_row(folder: Path) -> ResultRow:
         raise InputError(f"{error}, or force=true") from error
 
 
-def _refuse_another(folder: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+def _clear(folder: Path) -> None:
+    """Empty the folder but for what says that this process works on it."""
+    for entry in folder.iterdir():
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry)
+        elif entry.name not in (LOCK, STATUS):
+            entry.unlink()
+
+
+def _refuse_another(folder: Path, held: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    before, now = _flat(held), _flat(wanted)
     differing = sorted(key for key in before.keys() | now.keys() if before.get(key) != now.get(key))
     if differing:
         listed = ", ".join(f"{key} ({before.get(key)} -> {now.get(key)})" for key in differing)
+        hashes = f"hash {config_hash(held)} there, {config_hash(wanted)} here"
         fix = "variant=<name> makes a new folder, force=true overwrites"
-        raise InputError(f"{folder} holds another config: {listed}; {fix}")
+        raise InputError(f"{folder} holds another config: {listed}; {hashes}; {fix}")
 
 
 def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

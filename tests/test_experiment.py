@@ -194,9 +194,6 @@ def test_other_labels_of_the_same_mesh_are_another_run(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "named"),
     [
-        ("result.json", '{"schema": 1, "study"', "force=true"),
-        ("result.json", "", "force=true"),
-        ("result.json", "[1, 2]", "force=true"),
         ("config.yaml", "seed: [0", "force=true"),
         ("config.yaml", "", "force=true"),
         ("config.yaml", None, "force=true"),
@@ -211,6 +208,17 @@ def test_a_damaged_folder_is_one_line_with_the_fix(tmp_path, name, text, named):
     assert line.startswith("error: ")
     assert str(folder) in line
     assert named in line
+
+
+@pytest.mark.parametrize("text", ['{"schema": 1, "study"', "", "[1, 2]"])
+def test_a_damaged_result_is_reported_and_the_run_done_again(tmp_path, text):
+    folder = own_copy(tmp_path)
+    (folder / "result.json").write_text(text)
+    answer = train(tmp_path, "trainer.preview_every=2")
+    assert answer.code == 0, answer.text
+    assert answer.text.count("the run is done again") == 1
+    assert f"{folder / 'result.json'}: not a readable result row" in answer.text
+    assert row_of(folder)["scores"] == row_of(finished())["scores"]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9, None])

@@ -1,0 +1,101 @@
+"""Sparse extraction against every grid point evaluated, our way (`dense`) and in the released style.
+
+The released style is the plain network, torch's own matrix products and 5,000 points a call. It is timed on a part of
+the grid and scaled to the whole. The field is `part_01` after a short fit. Both cores.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+import torch
+import trimesh
+from jaxtyping import Float
+from numpy import ndarray
+
+from benchmarks.scene import composed, fitted
+from benchmarks.table import Row, interleaved, machine
+from jointsdf.extraction import Extraction
+from jointsdf.field import JointField
+from jointsdf.machine import choose_matmul, peak_memory_mb, reset_peak_memory
+from jointsdf.values import BOX, LabelledMesh
+
+CHUNK = 5000  # of the released code
+PLATE = (1.0, 0.6, 0.01)  # extents of the thin plate
+SECONDS, GIB = 60.0, 4.0  # targets at 1024^3
+
+
+def rows(
+    resolution: int = 256, steps: int = 200, part: int = 500_000, plate: int = 1024, repetitions: int = 3
+) -> list[Row]:
+    """Seconds of both sides; the meshes of sparse and dense must be the same.
+
+    Args:
+        resolution: Grid points along each axis.
+        steps: Of the fits.
+        part: Grid points timed in the released style.
+        plate: Grid points along each axis for the thin plate.
+        repetitions: Of the sparse extraction and of the released style.
+    """
+    _, module = fitted(composed(f"trainer.max_steps={steps}"))
+    field, threads = module.field, torch.get_num_threads()
+    with machine(threads, choose_matmul("auto")):
+        points = grid_points(resolution, part)
+        sparse, style = interleaved(
+            repetitions,
+            lambda: Extraction(resolution).surface(field.network_sdf),
+            lambda: released_style(field, points, threads),
+        )
+        (dense,) = interleaved(1, lambda: Extraction(resolution, "dense").surface(field.network_sdf))
+        assert_same(field, resolution)
+        style *= resolution**3 / len(points)
+        name = f"sparse extraction, {resolution}^3, same mesh"
+        whole = resolution == 256
+        return [
+            Row(name, "our dense path", sparse, dense, "s", dense / sparse, 6.0 if whole else None),
+            Row(
+                name,
+                f"released style, from {len(points) / resolution**3:.0%} of the grid",
+                sparse,
+                style,
+                "s",
+                style / sparse,
+                20.0 if whole else None,
+            ),
+            *thin_plate(plate, steps),
+        ]
+
+
+def grid_points(resolution: int, count: int) -> Float[ndarray, "n 3"]:
+    """Grid points spread evenly over the grid's order."""
+    axis = np.linspace(-BOX, BOX, resolution, dtype=np.float32)
+    chosen = np.linspace(0, resolution**3 - 1, min(count, resolution**3)).astype(np.int64)
+    return np.stack([axis[index] for index in np.unravel_index(chosen, (resolution,) * 3)], axis=1)
+
+
+def released_style(field: JointField, points: Float[ndarray, "n 3"], threads: int) -> None:
+    """The plain network at points, 5,000 at a time."""
+    with torch.no_grad(), machine(threads, "default"):
+        for start, end in pairwise([*range(0, len(points), CHUNK), len(points)]):
+            field.trunk(torch.from_numpy(points[start:end]))
+
+
+def assert_same(field: JointField, resolution: int) -> None:
+    """Check that both paths give one mesh."""
+    sparse, dense = (Extraction(resolution, method).surface(field.network_sdf) for method in ("sparse", "dense"))
+    assert np.array_equal(sparse.faces, dense.faces), "sparse and dense give different faces"
+    assert np.allclose(sparse.vertices, dense.vertices, atol=1e-6), "sparse and dense give different vertices"
+
+
+def thin_plate(resolution: int, steps: int) -> list[Row]:
+    """Seconds and memory of a fine grid on a plate, a hundredth of its length thick."""
+    box = trimesh.creation.box(extents=PLATE)
+    mesh = LabelledMesh(np.array(box.vertices), np.array(box.faces), np.zeros(len(box.faces), dtype=np.int64))
+    _, module = fitted(composed(f"trainer.max_steps={steps}", "head=none"), mesh)
+    reset_peak_memory()
+    (seconds,) = interleaved(1, lambda: Extraction(resolution).surface(module.field.network_sdf))
+    memory, whole = peak_memory_mb() / 1024, resolution == 1024
+    name = f"sparse extraction, {resolution}^3, thin plate"
+    return [
+        Row(name, "allowed seconds", seconds, SECONDS, "s", seconds / SECONDS, 1.0 if whole else None, at_least=False),
+        Row(name, "allowed memory", memory, GIB, "GiB", memory / GIB, 1.0 if whole else None, at_least=False),
+    ]

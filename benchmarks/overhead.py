@@ -1,0 +1,70 @@
+"""What a run adds to the bare step at the size of `fast`: Lightning's loop, drawing samples, logging.
+
+The bare step is objective, backward, clip and optimizer on samples drawn beforehand. Both sides take as many steps; of
+a run, the seconds of a shorter run are taken away, so that starting and ending does not count.
+"""
+
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+import torch
+from torch.nn.utils import clip_grad_norm_
+
+from benchmarks.scene import built, composed
+from benchmarks.step import total
+from benchmarks.table import Row, machine
+from jointsdf.fitting import fit
+from jointsdf.machine import choose_matmul
+from jointsdf.module import merged_needs
+
+TARGET = 0.05
+
+
+def rows(steps: int = 100, repetitions: int = 3) -> list[Row]:
+    """Seconds per step of a run and of the bare step.
+
+    Args:
+        steps: Timed on each side.
+        repetitions: The medians are over so many.
+    """
+    with machine(torch.get_num_threads(), choose_matmul("auto")):
+        taken = [(run_seconds(steps), bare_seconds(steps)) for _ in range(repetitions)]
+    run, bare = (statistics.median(side) for side in zip(*taken, strict=True))
+    name = "Lightning, sampling and logging, share of a step"
+    return [Row(name, "the bare step at the size of fast", run, bare, "s", run / bare - 1, TARGET, at_least=False)]
+
+
+def run_seconds(steps: int) -> float:
+    """Per step of a run: a long one less a short one."""
+    short = max(steps // 10, 1)
+    return (_fit_seconds(short + steps) - _fit_seconds(short)) / steps
+
+
+def _fit_seconds(steps: int) -> float:
+    cfg = composed(f"trainer.max_steps={steps}", "data.pool_size=20000")
+    _, data, module = built(cfg)
+    how = {"accelerator": "cpu", "checkpoint_seconds": 1e9, "log_every": cfg.trainer.log_every}
+    with tempfile.TemporaryDirectory() as folder:
+        start = time.perf_counter()
+        fit(module, data, Path(folder), preview=None, **how)
+        return time.perf_counter() - start
+
+
+def bare_seconds(steps: int) -> float:
+    """Per step of objective, backward, clip and optimizer."""
+    _, data, module = built(composed(f"trainer.max_steps={steps}", "data.pool_size=20000"))
+    samples = [data.sampler.draw(step) for step in range(steps)]
+    optimizer = module.configure_optimizers()["optimizer"]
+    module.train()
+    start = time.perf_counter()
+    for step in range(steps):
+        weights = module.active_weights(step)
+        terms = {name: module.terms[name] for name in weights}
+        optimizer.zero_grad()
+        total(module.evaluate(samples[step], merged_needs(list(terms.values()))), terms, weights).backward()
+        for part in (module.field.trunk, module.field.head):
+            clip_grad_norm_(part.parameters(), module.clip)
+        optimizer.step()
+    return (time.perf_counter() - start) / steps

@@ -1,0 +1,47 @@
+"""Built-in parts, their samples and fields, made as a run makes them."""
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+from hydra import compose, initialize_config_dir
+from omegaconf import DictConfig
+
+from jointsdf import assembly
+from jointsdf.data import ShapeDataModule
+from jointsdf.fitting import fit
+from jointsdf.module import JointSDFModule
+from jointsdf.values import LabelledMesh, Shape
+
+CONF = Path(__file__).parents[1] / "conf"
+QUIET = ("trainer.accelerator=cpu", "trainer.preview_every=0")
+
+
+def composed(*overrides: str) -> DictConfig:
+    """The config of a run on the CPU without previews."""
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        return compose("config", overrides=[*QUIET, *overrides])
+
+
+def built(cfg: DictConfig, mesh: LabelledMesh | None = None) -> tuple[Shape, ShapeDataModule, JointSDFModule]:
+    """Ground truth, samples and untrained field of a run.
+
+    Args:
+        cfg: From `composed`.
+        mesh: Closed, instead of the config's shape.
+    """
+    torch.manual_seed(cfg.seed)
+    shape = assembly.load_shape(cfg)
+    if mesh is not None:
+        shape = replace(shape, name="mesh", mesh=mesh)
+    return shape, *assembly.build(cfg, shape)
+
+
+def fitted(cfg: DictConfig, mesh: LabelledMesh | None = None) -> tuple[Shape, JointSDFModule]:
+    """Ground truth and trained field of a run."""
+    shape, data, module = built(cfg, mesh)
+    with tempfile.TemporaryDirectory() as folder:
+        how = {"accelerator": "cpu", "checkpoint_seconds": 1e9, "log_every": cfg.trainer.log_every}
+        fit(module, data, Path(folder), preview=None, **how)
+    return shape, module

@@ -1,0 +1,86 @@
+"""A measured ratio, how it is taken, and the table of them."""
+
+import statistics
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+
+
+@dataclass(frozen=True)
+class Row:
+    """One comparison.
+
+    Attributes:
+        what: Our side.
+        against: The other side.
+        ours: Median of our side.
+        theirs: Median of the other side.
+        unit: Of both.
+        ratio: The number that is claimed.
+        target: What it should be; None where nothing is claimed.
+        at_least: Whether the target is a lower bound, else an upper one.
+    """
+
+    what: str
+    against: str
+    ours: float
+    theirs: float
+    unit: str
+    ratio: float
+    target: float | None = None
+    at_least: bool = True
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the target is met; None without one."""
+        if self.target is None:
+            return None
+        return self.ratio >= self.target if self.at_least else self.ratio <= self.target
+
+    def line(self) -> str:
+        """The row as a line of the table."""
+        bound = "" if self.target is None else f"{'>=' if self.at_least else '<='} {self.target:g}"
+        verdict = {None: "", True: "met", False: "missed"}[self.met]
+        sides = f"{self.ours:10.4g} {self.theirs:10.4g} {self.unit:8s}"
+        return f"{self.what:44s} {self.against:58s} {sides} {self.ratio:8.3g} {bound:8s} {verdict}"
+
+
+HEADER = f"{'what':44s} {'compared with':58s} {'ours':>10s} {'theirs':>10s} {'unit':8s} {'ratio':>8s} {'target':8s}"
+
+
+def table(rows: Sequence[Row]) -> list[str]:
+    """Every row, and one line of summary last."""
+    claimed = [row for row in rows if row.target is not None]
+    missed = [row.what for row in claimed if not row.met]
+    summary = f"{len(claimed) - len(missed)} of {len(claimed)} targets met"
+    return [HEADER, *(row.line() for row in rows), summary + (f"; missed: {', '.join(missed)}" if missed else "")]
+
+
+def interleaved(repetitions: int, *sides: Callable[[], object]) -> list[float]:
+    """Median seconds of each side after a warm-up, taken in turn so that a busy machine hurts them alike."""
+    taken: list[list[float]] = [[] for _ in sides]
+    for repetition in range(repetitions + 1):
+        for side, seconds in zip(sides, taken, strict=True):
+            start = time.perf_counter()
+            side()
+            if repetition:
+                seconds.append(time.perf_counter() - start)
+    return [statistics.median(seconds) for seconds in taken]
+
+
+@contextmanager
+def machine(threads: int, matmul: str) -> Iterator[None]:
+    """Threads, and the path of float32 matrix products: `default` or `onednn`, as `jointsdf.machine` chooses them."""
+    mkldnn: Any = torch.backends.mkldnn
+    before = torch.get_num_threads(), mkldnn.matmul.fp32_precision
+    torch.set_num_threads(threads)
+    mkldnn.matmul.fp32_precision = {"default": "none", "onednn": "bf16"}[matmul]
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before[0])
+        mkldnn.matmul.fp32_precision = before[1]

@@ -1,0 +1,190 @@
+"""How runs stand, as the disk says: who works on a run folder, how far it is, how it failed; which runs a study wants.
+
+Imports no torch.
+"""
+
+import fcntl
+import json
+import logging
+import os
+import socket
+import time
+import traceback
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, Literal
+
+from jointsdf.results import ROW_FILE, write_atomically
+
+LOCK, STATUS, TRACEBACK, PLAN = ".lock", "status.json", "traceback.txt", "sweep.json"
+
+log = logging.getLogger(__name__)
+
+
+class Busy(Exception):
+    """Another process writes the run folder."""
+
+
+@dataclass(frozen=True)
+class RunState:
+    """How a run stands.
+
+    Attributes:
+        kind: `stopped`: begun, and no process works on it; `missing`: not begun.
+        step: Steps of the fit that are done.
+        steps: Steps in all.
+        seconds: Of the fit so far.
+        error: Why it failed, in one line.
+        killed_twice: Whether two processes died at the same step, so that a third would as well.
+    """
+
+    kind: Literal["done", "running", "failed", "stopped", "missing"]
+    step: int = 0
+    steps: int = 0
+    seconds: float = 0.0
+    error: str = ""
+    killed_twice: bool = False
+
+
+@contextmanager
+def lock(folder: Path, *, wait: bool) -> Iterator[None]:
+    """Keep every other process out of the run folder; the lock dies with its process.
+
+    Args:
+        folder: Made where it is not there.
+        wait: Whether to wait for another process to finish its work there.
+
+    Raises:
+        Busy: Another process holds it, and `wait` is false.
+    """
+    path = folder / LOCK
+    while True:
+        folder.mkdir(parents=True, exist_ok=True)
+        with path.open("w") as file:
+            _acquire(file, folder, wait)
+            if _is(path, file):  # else its holder has removed it meanwhile
+                try:
+                    yield
+                finally:
+                    path.unlink(missing_ok=True)
+                return
+
+
+def _acquire(file: IO[str], folder: Path, wait: bool) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        if not wait:
+            raise Busy(folder) from None
+        log.info("%s: another process works on it; waiting for that one", folder)
+        fcntl.flock(file, fcntl.LOCK_EX)
+
+
+def _is(path: Path, file: IO[str]) -> bool:
+    try:
+        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
+    except FileNotFoundError:
+        return False
+
+
+def begin(folder: Path) -> None:
+    """Note that this process works on the folder, which it has locked."""
+    before = _status(folder)
+    died_at = before["step"] if before.get("state") == "running" else None
+    _write(folder, state="running", step=0, steps=0, seconds=0.0, died_at=died_at)
+    (folder / TRACEBACK).unlink(missing_ok=True)
+
+
+def report(folder: Path, step: int, steps: int, seconds: float) -> None:
+    """Note how far the fit is."""
+    _write(folder, **(_status(folder) | {"step": step, "steps": steps, "seconds": round(seconds, 1)}))
+
+
+def end(folder: Path) -> None:
+    """Note that the folder holds its result."""
+    for name in (STATUS, TRACEBACK):
+        (folder / name).unlink(missing_ok=True)
+
+
+def fail(folder: Path, message: str, error: BaseException) -> None:
+    """Leave the reason and the traceback of a failure in the run folder.
+
+    Args:
+        folder: Made where it is not there; nothing else in it is touched.
+        message: One line.
+        error: Where it comes from.
+    """
+    write_atomically(folder / TRACEBACK, "".join(traceback.format_exception(error)))
+    _write(folder, state="failed", error=message)
+
+
+def state(folder: Path) -> RunState:
+    """How the folder's run stands."""
+    found = _status(folder)
+    step, steps, seconds = int(found.get("step", 0)), int(found.get("steps", 0)), float(found.get("seconds", 0))
+    if _locked(folder):
+        return RunState("running", step, steps, seconds)
+    if found.get("state") == "failed":
+        return RunState("failed", error=str(found.get("error")))
+    if (folder / ROW_FILE).is_file():
+        return RunState("done")
+    if found:
+        return RunState("stopped", step, steps, seconds, killed_twice=found.get("died_at") == step)
+    return RunState("missing")
+
+
+def plan(study: Path, folders: Iterable[Path]) -> None:
+    """Add run folders to those that a study wants.
+
+    Args:
+        study: The study's folder; made where it is not there.
+        folders: Below it.
+    """
+    wanted = dict.fromkeys([*planned(study), *folders])
+    runs = [folder.relative_to(study).as_posix() for folder in wanted]
+    write_atomically(study / PLAN, json.dumps({"runs": runs}, indent=1) + "\n")
+
+
+def planned(study: Path) -> list[Path]:
+    """The run folders that the study's sweeps want, in their order; none where no sweep was started."""
+    runs = _read(study / PLAN).get("runs")
+    return [study / str(run) for run in runs] if isinstance(runs, list) else []
+
+
+def duration(seconds: float) -> str:
+    """A length of time for people: `40 s`, `12 min` or `3:05 h`."""
+    minutes = round(seconds / 60)
+    if seconds < 59.5:
+        return f"{seconds:.0f} s"
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60}:{minutes % 60:02d} h"
+
+
+def _locked(folder: Path) -> bool:
+    try:
+        with (folder / LOCK).open() as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except BlockingIOError:
+        return True
+    return False
+
+
+def _status(folder: Path) -> dict[str, Any]:
+    return _read(folder / STATUS)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """What the file holds; nothing where there is none or it is damaged, since it only serves to be looked at."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
+def _write(folder: Path, **content: Any) -> None:
+    who = {"host": socket.gethostname(), "process": os.getpid(), "time": round(time.time())}
+    write_atomically(folder / STATUS, json.dumps(content | who, indent=1) + "\n")

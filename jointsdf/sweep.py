@@ -1,0 +1,212 @@
+"""A sweep of Hydra's that survives: a run that fails costs itself only, and the end says how all of them stand.
+
+Every engine (this process, Ray, SLURM) calls `run_one` for each run. What became of it is read from the run folders, so
+that it does not matter which process did it, or died of it.
+"""
+
+import gc
+import logging
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from hydra import compose
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig
+
+from jointsdf import run_state
+from jointsdf.console import one_line, quiet_libraries
+from jointsdf.results import ROW_FILE
+from jointsdf.run_folder import FIELD
+from jointsdf.values import InputError
+
+log = logging.getLogger(__name__)
+
+SPEAKS_OF_ONE_RUN = ("jointsdf.experiment", "jointsdf.shapes.report")
+PLAIN = ("shape", "seed")  # values on which nothing else in a config depends
+
+
+@dataclass
+class Driven:
+    """The sweep that this process drives; nothing is wanted in one that only works for another.
+
+    Attributes:
+        wanted: Run folders, in the order of the runs.
+        started: When, seconds since the epoch.
+        postponed: Configs of runs that another process works on.
+    """
+
+    wanted: list[Path] = field(default_factory=list)
+    started: float = field(default_factory=time.time)
+    postponed: list[DictConfig] = field(default_factory=list)
+
+
+driven = Driven()
+
+
+class Sweep(Callback):
+    """Tells, when Hydra starts a sweep, which runs it wants. It has no state: Hydra hands it on to other processes."""
+
+    def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
+        """Note the wanted runs, on disk as well.
+
+        Raises:
+            SystemExit: The chosen engine is not installed.
+        """
+        from jointsdf.assembly import folder_of  # torch only where it is needed
+
+        global driven
+        quiet_libraries()
+        _check_engine(config)
+        folders = [folder_of(cfg) for cfg in _wanted_configs(config)]
+        driven = Driven(list(dict.fromkeys(folders)))
+        for study in {folder.parents[3] for folder in driven.wanted}:
+            run_state.plan(study, [folder for folder in driven.wanted if folder.parents[3] == study])
+        if len(driven.wanted) < len(folders):
+            log.warning(
+                "%d runs share %d folders: name what differs in variant=, e.g. 'variant=tap=${trunk.tap}'",
+                len(folders),
+                len(driven.wanted),
+            )
+        done = Counter(run_state.state(folder).kind for folder in driven.wanted)["done"]
+        log.info("%d runs wanted, %d of them finished before", len(driven.wanted), done)
+
+
+def run_one(cfg: DictConfig, *, in_the_end: bool = False) -> float | None:
+    """One run of a sweep: its cd_l1, None where it failed or another process works on it.
+
+    Args:
+        cfg: The run's config.
+        in_the_end: Whether there is no other run left to go on with while another process works on this one. So it is
+            in a process that drives no sweep, too.
+    """
+    from jointsdf import assembly, experiment
+
+    folder = None
+    try:
+        assembly.checked(cfg)
+        folder = assembly.folder_of(cfg)
+        before = run_state.state(folder)
+        if before.killed_twice:
+            raise InputError(f"its process was killed twice at step {before.step}: is memory short?")
+        with _quiet():
+            row = experiment.run(cfg, wait=in_the_end or not driven.wanted)
+    except run_state.Busy:
+        log.info("%s: another process works on it; it is looked at again in the end", folder)
+        driven.postponed.append(cfg)
+        return None
+    except Exception as error:  # whatever it is, the other runs do not care
+        message = one_line(error) or f"{type(error).__name__}: {' '.join(str(error).split())}"
+        if folder is None:
+            log.error("error: %s", message)
+        else:
+            log.error("error: %s: %s", "/".join(folder.parts[-4:]), message)
+            run_state.fail(folder, message, error)
+        return None
+    finally:
+        gc.collect()  # the next run needs the memory
+    if before.kind != "done":
+        log.info("%s %s", _progress(folder), experiment.summary(row, cfg.evaluation.primary, folder))
+    return row.scores[cfg.evaluation.primary]["cd_l1"]
+
+
+def wait_for_postponed() -> None:
+    """Look again at the runs that other processes worked on: most are finished now, the others are done here."""
+    for cfg in driven.postponed:
+        run_one(cfg, in_the_end=True)
+
+
+def sum_up() -> int:
+    """Say how the wanted runs stand, and forget them.
+
+    Returns:
+        How many are not finished; 0 where no sweep was driven.
+    """
+    global driven
+    sweep, driven = driven, Driven()
+    if not sweep.wanted:
+        return 0
+    states = {folder: run_state.state(folder) for folder in sweep.wanted}
+    kinds = Counter(state.kind for state in states.values())
+    new = sum(_finished_since(folder, sweep.started) for folder in sweep.wanted)
+    for folder, state in states.items():
+        if state.kind == "failed":
+            log.error("failed: %s: %s", folder, state.error)
+    missing = kinds["missing"] + kinds["stopped"]
+    running = f", {kinds['running']} running elsewhere" if kinds["running"] else ""
+    counts = f"{new} done, {kinds['done'] - new} skipped, {kinds['failed']} failed, {missing} missing{running}"
+    log.info("%d runs: %s", len(sweep.wanted), counts)
+    return len(sweep.wanted) - kinds["done"]
+
+
+def _wanted_configs(config: DictConfig) -> list[DictConfig]:
+    """The config of each run as far as its folder goes, in the order in which Hydra's sweeper makes the runs."""
+    given = [f"{key}={value}" for key, value in (config.hydra.sweeper.get("params") or {}).items()]
+    given += config.hydra.overrides.task  # later ones replace earlier ones: the command line narrows a stored sweep
+    parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
+    (jobs,) = BasicSweeper.split_arguments(parser.parse_overrides(given), None)
+    composed = cache(lambda *overrides: compose(config.hydra.job.config_name, list(overrides)))
+    configs = []
+    for job in jobs:
+        plain = {key: value for key, value in map(_parsed, job) if key in PLAIN}
+        cfg = composed(*(override for override in job if _parsed(override)[0] not in PLAIN)).copy()
+        cfg.update(plain)
+        configs.append(cfg)
+    return configs
+
+
+def _parsed(override: str) -> tuple[str, Any]:
+    found = OverridesParser.create().parse_override(override)
+    return found.get_key_element(), found.value()
+
+
+def _check_engine(config: DictConfig) -> None:
+    try:
+        there = find_spec(config.hydra.launcher._target_.rpartition(".")[0])
+    except ModuleNotFoundError:
+        there = None
+    if there is None:
+        engine = config.hydra.runtime.choices["hydra/launcher"]
+        log.error("error: hydra/launcher=%s is not installed: pip install '.[%s]'", engine, engine)
+        raise SystemExit(2)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Leave out what a single run says of itself on the way."""
+    loggers = [logging.getLogger(name) for name in SPEAKS_OF_ONE_RUN]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)
+
+
+def _progress(folder: Path) -> str:
+    """The sweep so far, e.g. `[12/200, 1 failed, 3:10 h left]`; without the time in a process that drives no sweep."""
+    wanted = driven.wanted or run_state.planned(folder.parents[3])
+    kinds = Counter(run_state.state(folder).kind for folder in wanted)
+    new = sum(_finished_since(folder, driven.started) for folder in driven.wanted)
+    open_ = len(wanted) - kinds["done"] - kinds["failed"]
+    parts = [f"{kinds['done']}/{len(wanted)}"]
+    parts += [f"{kinds['failed']} failed"] if kinds["failed"] else []
+    parts += [f"{run_state.duration((time.time() - driven.started) / new * open_)} left"] if new and open_ else []
+    return f"[{', '.join(parts)}]"
+
+
+def _finished_since(folder: Path, moment: float) -> bool:
+    """Whether the folder's row was made since then, here: a row taken from another study has no field beside it."""
+    row = folder / ROW_FILE
+    return (folder / FIELD).is_file() and row.is_file() and row.stat().st_mtime >= moment

@@ -1,0 +1,72 @@
+"""The benchmarks at tiny sizes: both sides compute the same, and the table says so."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import __main__ as command
+from benchmarks import extraction, overhead, step
+from benchmarks.table import Row, interleaved, table
+
+
+@pytest.fixture(scope="module")
+def prepared():
+    module, samples = step.prepared(60)
+    module = module.double()
+    return module, type(samples)(*(part.double() if part.is_floating_point() else part for part in samples))
+
+
+@pytest.mark.parametrize("odw", [True, False])
+def test_both_formulations_have_the_same_gradient(prepared, odw):
+    module, samples = prepared
+    weights = step.weights_of(module, odw=odw)
+    assert weights.keys() == {"dirichlet", "sign_agnostic", "eikonal", "weingarten"}
+    assert (weights["weingarten"] > 0) == odw
+    assert step.gradient_error(module, samples, weights) < 1e-10
+
+
+def test_the_curvature_term_is_in_both(prepared):
+    module, samples = prepared
+    on, off = (step.weights_of(module, odw=odw) for odw in (True, False))
+    for loss in (step.our_loss, step.released_loss):
+        assert loss(module, samples, on).item() > loss(module, samples, off).item() > 0
+
+
+def test_a_row_of_every_step_and_a_summary(tmp_path: Path):
+    rows = step.rows(sizes=(40,), repetitions=1)
+    assert [row.what.rpartition(", ")[2] for row in rows] == ["with ODW"] * 4 + ["without ODW"] * 4
+    assert all(np.isfinite(row.ratio) and row.ratio > 0 for row in rows)
+    command.write(tmp_path / "results.csv", rows, "python -m benchmarks step")
+    command.write(tmp_path / "results.csv", rows, "python -m benchmarks step")
+    with (tmp_path / "results.csv").open() as file:
+        written = list(csv.DictReader(file))
+    assert len(written) == 16
+    assert {row["command"] for row in written} == {"python -m benchmarks step"}
+
+
+def test_extraction_and_overhead_give_rows():
+    rows = extraction.rows(resolution=24, steps=2, part=500, plate=24, repetitions=1)
+    assert [row.unit for row in rows] == ["s", "s", "s", "GiB"]
+    (row,) = overhead.rows(steps=4, repetitions=1)
+    assert row.ratio == pytest.approx(row.ours / row.theirs - 1)
+
+
+def test_the_summary_counts_the_targets():
+    rows = [
+        Row("a", "b", 1.0, 4.0, "s", 4.0, 3.5),
+        Row("c", "d", 1.0, 2.0, "s", 2.0, 3.5),
+        Row("e", "f", 1.0, 2.0, "s", 0.5, 1.0, at_least=False),
+        Row("g", "h", 1.0, 2.0, "s", 2.0),
+    ]
+    lines = table(rows)
+    assert len(lines) == 6
+    assert lines[-1] == "2 of 3 targets met; missed: c"
+
+
+def test_sides_are_timed_in_turn():
+    order: list[str] = []
+    medians = interleaved(2, lambda: order.append("a"), lambda: order.append("b"))
+    assert order == ["a", "b"] * 3
+    assert len(medians) == 2
