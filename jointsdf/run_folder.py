@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 # What decides the numbers of a run; everything else in the config is where and how it runs.
 NUMBERS = ("seed", "tessellation", "data", "trunk", "head", "loss", "optimizer", "trainer", "extraction", "evaluation")
-MACHINE = ("accelerator", "checkpoint_seconds", "log_every", "preview_every", "preview_resolution", "workers")
+MACHINE = ("accelerator", "checkpoint_seconds", "log_every", "preview_every", "preview_resolution", "workers", "matmul")
 
 
 def identity(settings: Mapping[str, Any], **shape: str) -> dict[str, Any]:
