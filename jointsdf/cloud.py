@@ -88,6 +88,6 @@ def pool_points(cloud: Cloud, *, count: int, near_share: float, seed: int) -> Fl
     generator = stream(seed, POOL)
     near = round(count * near_share)
     widths = 10 ** generator.uniform(*POOL_SCALES, (near, 1))
-    around = cloud.points[generator.integers(len(cloud.points), size=near)]
+    around = cloud.points[generator.integers(cloud.uniform, size=near)]
     near_points = np.clip(around + widths * generator.standard_normal((near, 3)), -BOX, BOX)
     return np.concatenate([near_points, generator.uniform(-BOX, BOX, (count - near, 3))])
