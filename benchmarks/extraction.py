@@ -90,7 +90,7 @@ def thin_plate(resolution: int, steps: int) -> list[Row]:
     """Seconds and memory of a fine grid on a plate, a hundredth of its length thick."""
     box = trimesh.creation.box(extents=PLATE)
     mesh = LabelledMesh(np.array(box.vertices), np.array(box.faces), np.zeros(len(box.faces), dtype=np.int64))
-    _, module = fitted(composed(f"trainer.max_steps={steps}", "head=none"), mesh)
+    _, module = fitted(composed(f"trainer.max_steps={steps}"), mesh)
     reset_peak_memory()
     (seconds,) = interleaved(1, lambda: Extraction(resolution).surface(module.field.network_sdf))
     memory, whole = peak_memory_mb() / 1024, resolution == 1024

@@ -21,7 +21,9 @@ QUIET = ("trainer.accelerator=cpu", "trainer.preview_every=0")
 def composed(*overrides: str) -> DictConfig:
     """The config of a run on the CPU without previews."""
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        return compose("config", overrides=[*QUIET, *overrides])
+        cfg = compose("config", overrides=[*QUIET, *overrides])
+    assembly.checked(cfg)
+    return cfg
 
 
 def built(cfg: DictConfig, mesh: LabelledMesh | None = None) -> tuple[Shape, ShapeDataModule, JointSDFModule]:

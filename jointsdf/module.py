@@ -153,7 +153,10 @@ class JointSDFModule(LightningModule):
     ) -> None:
         """Clip trunk and head apart, so that neither's scale decides the other's step."""
         for name, part in (("trunk", self.field.trunk), ("head", self.field.head)):
-            norm = clip_grad_norm_(part.parameters(), self.clip)
+            parameters = list(part.parameters())
+            if not parameters:  # head=none
+                continue
+            norm = clip_grad_norm_(parameters, self.clip)
             if not torch.isfinite(norm):
                 raise NonFiniteLossError(
                     f"gradient norm of the {name} is {norm.item()} at step {self.global_step}: lower the learning rate"
