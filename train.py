@@ -32,8 +32,8 @@ def main() -> int:
     """Exit code: 2 for what the user can mend, 1 for a sweep that is not finished."""
     unfinished = 0
     try:
-        train()
-        with user_errors(failed):
+        with user_errors(failed):  # an engine that waits for other processes can be stopped, too
+            train()
             sweep.wait_for_postponed()
     finally:
         unfinished = sweep.sum_up()

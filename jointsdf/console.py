@@ -22,7 +22,7 @@ def quiet_libraries() -> None:
         library.handlers.clear()
         library.propagate = True
         library.setLevel(logging.ERROR)
-    for unasked in ("hydra", "trimesh", "matplotlib", "PIL", "py.warnings", "tensorboard"):
+    for unasked in ("hydra", "hydra_plugins", "trimesh", "matplotlib", "PIL", "py.warnings", "tensorboard"):
         logging.getLogger(unasked).setLevel(logging.ERROR)
     logging.getLogger("jointsdf.extraction").setLevel(logging.WARNING)  # it speaks for every preview
     warnings.filterwarnings("ignore", module="lightning")

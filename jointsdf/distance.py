@@ -1,16 +1,22 @@
 """Closest points and exact signed distance of a triangle mesh, by libigl.
 
-The sign of a watertight mesh is that of the angle-weighted pseudonormal, exact everywhere. The sign of any other mesh
-is that of the generalised winding number: right away from the holes, a smooth guess near them.
+The sign of a watertight mesh is that of the angle-weighted pseudonormal, exact where the mesh does not fold over itself.
+A fold turns the sign of all the space that it is nearest to, so points that nothing separates agree on theirs. The sign
+of any other mesh is that of the generalised winding number: right away from the holes, a smooth guess near them.
 """
 
 import igl
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from jointsdf.values import LabelledMesh
 
+FAR = 0.01  # distance from which a sign is put to the vote, of the longest side; nearer, a fold turns next to nothing
+NEIGHBOURS = 6  # of a point, itself included, in the vote
 BINS = 16  # along each axis: neighbouring questions meet the same branches of the search tree while they are in cache
 
 
@@ -72,6 +78,8 @@ class ExactDistance:
         if len(points):
             asked = _ordered(points, order)
             distances[order] = igl.signed_distance(asked, self.closest.vertices, self.closest.faces, sign)[0]
+        far = np.flatnonzero(np.abs(distances) > FAR * np.ptp(self.closest.vertices, axis=0).max())
+        distances[far] = agreed(points[far], distances[far])
         return distances
 
     def _winding(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
@@ -79,6 +87,22 @@ class ExactDistance:
         distances, _ = self.closest.query(points)
         winding = igl.fast_winding_number(self.closest.vertices, self.closest.faces, _ordered(points, slice(None)))
         return np.where(winding > 0.5, -1.0, 1.0) * distances
+
+
+def agreed(points: Float[ndarray, "n 3"], distances: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
+    """The distances with the sign of most of the points that no surface separates from each.
+
+    The ball of a point's distance about it holds no surface, so neighbours within it are on the same side.
+    """
+    if len(points) < 2:
+        return distances
+    apart, other = KDTree(points).query(points, min(NEIGHBOURS, len(points)), workers=-1)
+    within = apart < np.maximum(np.abs(distances)[:, None], np.abs(distances)[other])
+    one = np.repeat(np.arange(len(points)), within.sum(axis=1))
+    links = coo_array((np.ones(len(one)), (one, other[within])), shape=(len(points),) * 2)
+    group = connected_components(links, directed=False)[1]
+    votes = np.bincount(group, np.sign(distances))[group]
+    return np.where(votes == 0, distances, np.copysign(distances, votes))
 
 
 def in_space_order(points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:

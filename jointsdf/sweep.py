@@ -72,11 +72,8 @@ class Sweep(Callback):
         for study in {folder.parents[3] for folder in driven.wanted}:
             run_state.plan(study, [folder for folder in driven.wanted if folder.parents[3] == study])
         if len(driven.wanted) < len(folders):
-            log.warning(
-                "%d runs share %d folders: name what differs in variant=, e.g. 'variant=tap=${trunk.tap}'",
-                len(folders),
-                len(driven.wanted),
-            )
+            what = f"{len(folders)} runs share {len(driven.wanted)} folders"
+            log.warning("%s: name what differs in variant=, e.g. 'variant=tap=${trunk.tap}'", what)
         done = Counter(run_state.state(folder).kind for folder in driven.wanted)["done"]
         log.info("%d runs wanted, %d of them finished before", len(driven.wanted), done)
 
@@ -106,10 +103,9 @@ def run_one(cfg: DictConfig, *, in_the_end: bool = False) -> float | None:
         return None
     except Exception as error:  # whatever it is, the other runs do not care
         message = one_line(error) or f"{type(error).__name__}: {' '.join(str(error).split())}"
-        if folder is None:
-            log.error("error: %s", message)
-        else:
-            log.error("error: %s: %s", "/".join(folder.parts[-4:]), message)
+        where = "/".join(folder.parts[-4:]) + ": " if folder else ""
+        log.error("error: %s%s", where, message)
+        if folder:
             run_state.fail(folder, message, error)
         return None
     finally:
@@ -135,12 +131,13 @@ def sum_up() -> int:
     sweep, driven = driven, Driven()
     if not sweep.wanted:
         return 0
-    states = {folder: run_state.state(folder) for folder in sweep.wanted}
-    kinds = Counter(state.kind for state in states.values())
-    new = sum(_finished_since(folder, sweep.started) for folder in sweep.wanted)
-    for folder, state in states.items():
+    kinds: Counter[str] = Counter()
+    for folder in sweep.wanted:
+        state = run_state.state(folder)
+        kinds[state.kind] += 1
         if state.kind == "failed":
             log.error("failed: %s: %s", folder, state.error)
+    new = sum(_finished_since(folder, sweep.started) for folder in sweep.wanted)
     missing = kinds["missing"] + kinds["stopped"]
     running = f", {kinds['running']} running elsewhere" if kinds["running"] else ""
     counts = f"{new} done, {kinds['done'] - new} skipped, {kinds['failed']} failed, {missing} missing{running}"
@@ -182,15 +179,14 @@ def _check_engine(config: DictConfig) -> None:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Leave out what a single run says of itself on the way."""
-    loggers = [logging.getLogger(name) for name in SPEAKS_OF_ONE_RUN]
-    before = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.ERROR)
+    """Leave out what a single run says of itself."""
+    before = {logger: logger.level for logger in map(logging.getLogger, SPEAKS_OF_ONE_RUN)}
     try:
+        for logger in before:
+            logger.setLevel(logging.ERROR)
         yield
     finally:
-        for logger, level in zip(loggers, before, strict=True):
+        for logger, level in before.items():
             logger.setLevel(level)
 
 

@@ -278,7 +278,7 @@ def test_four_heads_are_four_rows_in_four_folders(tmp_path, monkeypatch):
     rows = [json.loads(path.read_text()) for path in tmp_path.rglob("result.json")]
     assert sorted(row["head"] for row in rows) == ["deep_skip", "hybrid", "relu", "siren"]
     assert [path.name for path in tmp_path.iterdir()] == ["outputs"]
-    assert {path.name for path in (tmp_path / "outputs").iterdir()} <= {"smoke", ".hydra"}
+    assert {path.name for path in (tmp_path / "outputs").iterdir()} <= {"smoke", ".hydra", ".companions"}
     assert not [path for path in tmp_path.rglob("*") if re.search(r"\d{4}-\d\d-\d\d|\d\d-\d\d-\d\d", path.name)]
 
 
@@ -312,7 +312,7 @@ def test_off_a_terminal_it_is_quiet(tmp_path):
     with process(tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as run:
         lines = run.communicate()[0].splitlines()
     assert run.returncode == 0
-    assert len(lines) == 8, lines
+    assert len(lines) == 9, lines
     assert lines[0] == "part_01: 2940 faces, 1 component, watertight"
     assert lines[5].startswith("part_01: its thinnest wall (6.77) is under 2 cells of the grid")
     assert lines[6] == str(tmp_path / "out" / PLACE)

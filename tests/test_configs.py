@@ -178,7 +178,7 @@ def test_loss_joint_is_flatcads_forms_divided_and_with_exact_distances() -> None
     joint["terms"]["weingarten"]["normalised"] = False
     joint["schedules"]["weingarten"]["knots"][2][1] = 0.0001
     assert joint == flatcad
-    assert config("recipe=fast").data.counts.pool == 2000
+    assert config("recipe=fast").data.counts.pool == 2500
 
 
 def test_points_takes_nothing_from_the_mesh_but_points_and_labels() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from jointsdf.distance import ExactDistance
+from jointsdf.distance import FAR, ExactDistance, agreed
 from jointsdf.values import LabelledMesh
 
 HALF = np.array([0.7, 0.5, 0.3])
@@ -111,3 +111,30 @@ def test_no_points_and_float32_points(watertight: bool) -> None:
     points = uniform(50).astype(np.float32)
     assert exact.signed(points).dtype == np.float64
     np.testing.assert_allclose(exact.signed(points), box_distance(points.astype(np.float64)), atol=1e-12)
+
+
+def test_a_fold_does_not_turn_the_space_that_it_is_nearest_to() -> None:
+    """A small body inside out beside a box: the pseudonormal alone takes half of the outside for inside."""
+    box, inverted = trimesh.creation.box((2, 2, 2)), trimesh.creation.icosphere(1, 0.01)
+    inverted.apply_translation((1.3, 0, 0))
+    inverted.invert()
+    both = trimesh.util.concatenate([box, inverted])
+    mesh = LabelledMesh(np.array(both.vertices), np.array(both.faces), np.zeros(len(both.faces), dtype=np.int64))
+    exact = ExactDistance(mesh, watertight=True)
+    points = np.random.default_rng(0).uniform(-2, 2, (20000, 3))
+    beyond = np.abs(points).max(axis=1) - 1
+    found = exact.signed(points)
+    far = np.abs(found) > FAR * 2.5
+    np.testing.assert_array_equal(found[far] > 0, beyond[far] > 0)
+    nearest_to_the_fold = np.linalg.norm(points - (1.3, 0, 0), axis=1) < np.maximum(beyond, 0)
+    assert nearest_to_the_fold.mean() > 0.005
+    assert exact.signed(points[nearest_to_the_fold][:1]) < 0  # alone, a point has nobody to agree with
+
+
+def test_agreement_is_between_points_that_nothing_separates() -> None:
+    line = np.stack([np.linspace(-1, 1, 41), np.zeros(41), np.zeros(41)], axis=1)
+    distances = line[:, 0].copy()  # to the plane x = 0
+    wrong = distances.copy()
+    wrong[[3, 36, 37]] *= -1
+    np.testing.assert_array_equal(agreed(line, wrong), distances)
+    np.testing.assert_array_equal(agreed(line[:1], wrong[:1]), wrong[:1])

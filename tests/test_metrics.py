@@ -22,6 +22,7 @@ from jointsdf.metrics.normal_consistency import NormalConsistency
 from jointsdf.metrics.segmentation import Segmentation
 from jointsdf.metrics.surface_distance import SurfaceDistance
 from jointsdf.metrics.topology import Topology, topology
+from jointsdf.surfaces import border_edges
 from jointsdf.values import InputError, LabelledMesh, SurfaceSamples
 
 EMPTY = LabelledMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64))
