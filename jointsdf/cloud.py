@@ -81,13 +81,16 @@ class Cloud:
 
 
 def pool_points(cloud: Cloud, *, count: int, near_share: float, seed: int) -> Float[ndarray, "n 3"]:
-    """Where distances are taken, network frame: a share near the surface, the rest uniform in the box.
+    """Where distances are taken, network frame: a share near the surface, the rest in the whole box.
 
-    Near is Gaussian about cloud points with a width drawn log-uniform, so that every wall thickness is met.
+    Near is Gaussian about cloud points with a width drawn log-uniform, so that every wall thickness is met. Half of the
+    rest is uniform, half has arcsine-distributed coordinates, so that the corners of the box are met as well.
     """
     generator = stream(seed, POOL)
     near = round(count * near_share)
     widths = 10 ** generator.uniform(*POOL_SCALES, (near, 1))
     around = cloud.points[generator.integers(cloud.uniform, size=near)]
     near_points = np.clip(around + widths * generator.standard_normal((near, 3)), -BOX, BOX)
-    return np.concatenate([near_points, generator.uniform(-BOX, BOX, (count - near, 3))])
+    anywhere = generator.uniform(-1, 1, (count - near, 3))
+    anywhere[::2] = np.sin(np.pi / 2 * anywhere[::2])
+    return np.concatenate([near_points, BOX * anywhere])
