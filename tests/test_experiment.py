@@ -21,7 +21,7 @@ from jointsdf.study.__main__ import main as study
 
 pytestmark = pytest.mark.filterwarnings("default")
 FILES = {"config.yaml", "field.ckpt", "labels.npy", "mesh.glb", "mesh.ply", "preview.png", "result.json", "tb"}
-TERMS = ("dirichlet", "sign_agnostic", "eikonal", "weingarten", "signed_distance", "cross_entropy", "total")
+TERMS = ("dirichlet", "sign_agnostic", "eikonal", "signed_distance", "cross_entropy", "total")
 
 
 def contents(folder: Path) -> dict[Path, tuple[int, bytes]]:
