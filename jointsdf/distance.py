@@ -1,8 +1,8 @@
 """Closest points and exact signed distance of a triangle mesh, by libigl.
 
-The sign of a watertight mesh is that of the angle-weighted pseudonormal, exact where the mesh does not fold over itself.
-A fold turns the sign of all the space that it is nearest to, so points that nothing separates agree on theirs. The sign
-of any other mesh is that of the generalised winding number: right away from the holes, a smooth guess near them.
+The sign of a watertight mesh is that of the angle-weighted pseudonormal, exact where the mesh does not fold over
+itself. A fold turns the sign of all the space that it is nearest to, so points that nothing separates agree on theirs.
+The sign of any other mesh is that of the generalised winding number: right away from the holes, a guess near them.
 """
 
 import igl
