@@ -182,7 +182,7 @@ def _module(cfg: DictConfig, data: ShapeDataModule) -> JointSDFModule:
         instantiate(cfg.optimizer),
         seed=cfg.seed,
         backward_dtype=choose_backward(cfg.trainer.backward, gpu=on_gpu(cfg)),
-        **{key: cfg.trainer[key] for key in ("max_steps", "head_lr", "clip", "cosine", "warmup")},
+        **{key: cfg.trainer[key] for key in ("max_steps", "head_lr", "clip", "cosine", "warmup", "log_every")},
     )
 
 

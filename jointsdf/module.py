@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from lightning import LightningModule
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn.functional import normalize
 from torch.nn.utils import clip_grad_norm_
 from torch.optim import Optimizer
@@ -43,6 +43,7 @@ class JointSDFModule(LightningModule):
         cosine: Whether every learning rate falls to 0 along a half cosine.
         warmup: Share of the steps over which the rates rise linearly from 0.
         backward_dtype: Precision of the trunk's backward matrix products; None: that of the parameters.
+        log_every: Steps between two that are logged, the trainer's own number.
     """
 
     def __init__(
@@ -60,6 +61,7 @@ class JointSDFModule(LightningModule):
         cosine: bool = False,
         warmup: float = 0.0,
         backward_dtype: torch.dtype | None = None,
+        log_every: int = 1,
     ) -> None:
         super().__init__()
         if terms.keys() != weights.keys() or not schedules.keys() <= terms.keys():
@@ -72,7 +74,8 @@ class JointSDFModule(LightningModule):
         self.optimizer = optimizer
         self.max_steps, self.seed = max_steps, seed
         self.head_lr, self.clip, self.cosine, self.warmup = head_lr, clip, cosine, warmup
-        self.backward_dtype = backward_dtype
+        self.backward_dtype, self.log_every = backward_dtype, log_every
+        self.drops = any(isinstance(layer, nn.Dropout) for layer in field.modules())
 
     def active_weights(self, step: int) -> dict[str, float]:
         """Weight of every term that counts in this step; terms at 0 are left out."""
@@ -85,7 +88,8 @@ class JointSDFModule(LightningModule):
 
     def training_step(self, samples: Samples, batch_idx: int) -> Tensor:  # noqa: ARG002 (Lightning's signature)
         """The paper's objective on one step's samples."""
-        torch.manual_seed(hash((self.seed, self.global_step)))
+        if self.drops:
+            torch.manual_seed(hash((self.seed, self.global_step)))
         weights = self.active_weights(self.global_step)
         step = self.evaluate(samples, merged_needs([self.terms[name] for name in weights]))
         losses = {name: self.terms[name](step) for name in weights}
@@ -96,9 +100,14 @@ class JointSDFModule(LightningModule):
                     "lower the learning rate or its weight"
                 )
         total = torch.stack([weights[name] * loss for name, loss in losses.items()]).sum()
-        self.log_dict({f"loss/{name}": loss for name, loss in losses.items()})
-        self.log("loss/total", total, prog_bar=True)
+        if self.logs:
+            self.log_dict({f"loss/{name}": loss for name, loss in (losses | {"total": total}).items()})
         return total
+
+    @property
+    def logs(self) -> bool:
+        """Whether Lightning writes this step's numbers: handing them over at the others costs, and nobody sees them."""
+        return (self.global_step + 1) % self.log_every == 0
 
     def evaluate(self, samples: Samples, needs: Needs) -> Step:
         """Evaluate the field once per point set, no more than is needed."""
@@ -161,7 +170,8 @@ class JointSDFModule(LightningModule):
                 raise NonFiniteLossError(
                     f"gradient norm of the {name} is {norm.item()} at step {self.global_step}: lower the learning rate"
                 )
-            self.log(f"gradient_norm/{name}", norm)
+            if self.logs:
+                self.log(f"gradient_norm/{name}", norm)
 
 
 def merged_needs(terms: Sequence[Term]) -> Needs:
