@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import pytest
 import torch
+from sine_networks import NETWORKS, network, plain, random_points, relative
 from torch import Tensor
 
 from jointsdf.derivatives import (
@@ -15,50 +16,12 @@ from jointsdf.derivatives import (
     tangent_frame,
     trace,
 )
-from jointsdf.trunk import SirenTrunk
 
-NETWORKS = [  # width, depth, omega, hidden_omega
-    (16, 1, 30.0, 30.0),
-    (16, 2, 30.0, 1.0),
-    (24, 3, 10.0, 30.0),
-    (32, 5, 30.0, 30.0),
-    (32, 5, 30.0, 1.0),
-    (8, 7, 5.0, 2.0),
-]
 Field = Callable[[Tensor], Tensor]
-
-
-def network(width: int, depth: int, omega: float, hidden_omega: float) -> SirenTrunk:
-    torch.manual_seed(width + depth)
-    trunk = SirenTrunk(width=width, depth=depth, omega=omega, hidden_omega=hidden_omega, tap=1).double()
-    torch.nn.init.uniform_(trunk.output.weight, -1, 1)
-    return trunk
-
-
-def value_of(trunk: SirenTrunk) -> Field:
-    """f in plain torch operations, apart from the code under test."""
-
-    def value(points: Tensor) -> Tensor:
-        hidden = points
-        for layer in trunk.sine_layers:
-            hidden = torch.sin(layer.omega * (hidden @ layer.linear.weight.T + layer.linear.bias))
-        return (hidden @ trunk.output.weight.T + trunk.output.bias)[:, 0]
-
-    return value
-
-
-def random_points(count: int = 40, seed: int = 3) -> tuple[Tensor, Tensor]:
-    generator = torch.Generator().manual_seed(seed)
-    points = torch.rand(count, 3, dtype=torch.float64, generator=generator) * 2.2 - 1.1
-    return points, torch.rand(count, dtype=torch.float64, generator=generator) * 2 * math.pi
 
 
 def frame_at(grad: Tensor, angles: Tensor) -> tuple[Tensor, Tensor]:
     return tangent_frame(torch.nn.functional.normalize(grad.detach(), dim=-1), angles)
-
-
-def relative(a: Tensor, b: Tensor) -> float:
-    return ((a - b).norm() / b.norm()).item()
 
 
 def central(field: Field, points: Tensor, direction: Tensor, h: float = 2e-4) -> Tensor:
@@ -71,7 +34,10 @@ def central(field: Field, points: Tensor, direction: Tensor, h: float = 2e-4) ->
 @pytest.mark.parametrize("sizes", NETWORKS, ids=str)
 def test_gradient_equals_finite_differences(sizes: tuple[int, int, float, float]) -> None:
     trunk, (points, _) = network(*sizes), random_points()
-    value = value_of(trunk)
+
+    def value(at: Tensor) -> Tensor:
+        return plain(trunk, at)[0]
+
     with torch.no_grad():
         grad = gradient(
             trunk.sine_layers, trunk.output, trace(trunk.sine_layers, trunk.output, points, with_cosines=True)
@@ -82,10 +48,10 @@ def test_gradient_equals_finite_differences(sizes: tuple[int, int, float, float]
 
 def test_values_without_derivatives_are_the_same_and_keep_no_cosines() -> None:
     trunk, (points, _) = network(32, 5, 30.0, 30.0), random_points()
-    plain = trace(trunk.sine_layers, trunk.output, points, with_cosines=False)
+    bare = trace(trunk.sine_layers, trunk.output, points, with_cosines=False)
     full = trace(trunk.sine_layers, trunk.output, points, with_cosines=True)
-    assert plain.cosines == []
-    torch.testing.assert_close(plain.sdf, full.sdf, rtol=0, atol=0)
+    assert bare.cosines == []
+    torch.testing.assert_close(bare.sdf, full.sdf, rtol=0, atol=0)
     for sine, cosine in zip(full.sines, full.cosines, strict=True):
         torch.testing.assert_close(sine**2 + cosine**2, torch.ones_like(sine), rtol=0, atol=1e-12)
 

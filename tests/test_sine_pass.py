@@ -1,14 +1,13 @@
 """The hand-written pass against plain autograd, for every order, head, objective and size of network."""
 
-import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import hydra
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
+from sine_networks import NETWORKS, network, plain, random_points, relative
 from torch import Tensor
 
 from jointsdf import sine_pass
@@ -21,32 +20,8 @@ from jointsdf.trunk import SirenTrunk
 from jointsdf.values import FieldValues, Samples, Step
 
 CONF = str(Path(__file__).parents[1] / "conf")
-NETWORKS = [  # width, depth, omega, hidden_omega
-    (16, 1, 30.0, 30.0),
-    (16, 2, 30.0, 1.0),
-    (24, 3, 10.0, 30.0),
-    (32, 5, 30.0, 30.0),
-    (32, 5, 30.0, 1.0),
-    (8, 7, 5.0, 2.0),
-]
 WANTED = ["value", "grad", "mixed"]
 Sizes = tuple[int, int, float, float]
-
-
-def network(width: int, depth: int, omega: float, hidden_omega: float, **options: Any) -> SirenTrunk:
-    torch.manual_seed(width + depth)
-    trunk = SirenTrunk(width=width, depth=depth, omega=omega, hidden_omega=hidden_omega, **{"tap": 1, **options})
-    torch.nn.init.uniform_(trunk.output.weight, -1, 1)
-    return trunk.double()
-
-
-def plain(trunk: SirenTrunk, points: Tensor, tap: int = 1) -> tuple[Tensor, Tensor]:
-    """f and the tapped activations in plain torch operations, apart from the code under test."""
-    hidden, activations = points, []
-    for layer in trunk.sine_layers:
-        hidden = torch.sin(layer.omega * (hidden @ layer.linear.weight.T + layer.linear.bias))
-        activations.append(hidden)
-    return (hidden @ trunk.output.weight.T + trunk.output.bias)[:, 0], activations[tap - 1]
 
 
 def oracle(trunk: SirenTrunk, points: Tensor, angles: Tensor, tap: int = 1) -> Evaluation:
@@ -56,16 +31,6 @@ def oracle(trunk: SirenTrunk, points: Tensor, angles: Tensor, tap: int = 1) -> E
     grad = autograd_gradient(lambda at: plain(trunk, at)[0], points)
     u, v = tangent_frame(torch.nn.functional.normalize(grad.detach(), dim=-1), angles)
     return Evaluation(sdf, feature, grad, autograd_mixed(lambda at: plain(trunk, at)[0], points, u, v))
-
-
-def random_points(count: int = 40) -> tuple[Tensor, Tensor]:
-    generator = torch.Generator().manual_seed(3)
-    points = torch.rand(count, 3, dtype=torch.float64, generator=generator) * 2.2 - 1.1
-    return points, torch.rand(count, dtype=torch.float64, generator=generator) * 2 * math.pi
-
-
-def relative(a: Tensor, b: Tensor) -> float:
-    return ((a.double() - b.double()).norm() / b.double().norm()).item()
 
 
 def parameter_gradients(trunk: SirenTrunk, loss: Tensor) -> list[Tensor]:

@@ -14,6 +14,7 @@ from jointsdf.study.groups import Comparison
 from jointsdf.study.main_tables import PART_COUNTS
 from jointsdf.study.statistics import per_shape
 
+POINTS: dict[str, Any] = {"linestyle": "", "alpha": 0.75, "mew": 0}
 REFERENCES: dict[str, Any] = {"floor": "--", "ceiling": ":"}  # line styles
 
 
@@ -33,17 +34,7 @@ def boxes(ax: Axes, comparison: Comparison, column: Column) -> None:
             capprops={"color": style["color"]},
             medianprops={"color": INK, "linewidth": 1.4},
         )
-        ax.plot(
-            place + dodge(values, 0.3),
-            values,
-            linestyle="",
-            marker=style["marker"],
-            color=style["color"],
-            markersize=3.2,
-            alpha=0.75,
-            mew=0,
-            label=head,
-        )
+        ax.plot(place + dodge(values, 0.3), values, markersize=3.2, label=head, **(style | POINTS))
     for kind, dashes in REFERENCES.items():
         name = f"{column.metric}_{kind}"
         if name in comparison.runs and comparison.runs[name].notna().any():
@@ -67,8 +58,8 @@ def scatter(ax: Axes, comparison: Comparison, x: Column, y: Column, *, error: bo
     for head in comparison.heads:
         across, up = (per_shape(comparison.of(head), column.metric) for column in (x, y))
         heights = [1 - value if error else value for value in up.values()]
-        style = look(head, comparison.heads) | {"linestyle": ""}
-        ax.plot([*across.values()], heights, markersize=4, alpha=0.75, mew=0, label=head, **style)
+        style = look(head, comparison.heads) | POINTS
+        ax.plot([*across.values()], heights, markersize=4, label=head, **style)
     ax.set_xlabel(x.name + x.unit)
     ax.set_ylabel(rf"1 $-$ {y.name}" if error else y.header)
     _log_where_wide(ax, comparison.runs[x.metric])
@@ -94,16 +85,7 @@ def by_parts(
     """
     places = np.array([counts[shape] for shape in values], dtype=float)
     heights = np.array([*values.values()])
-    ax.plot(
-        places + shift,
-        heights,
-        linestyle="",
-        marker=style["marker"],
-        color=style["color"],
-        markersize=3.5,
-        alpha=0.75,
-        mew=0,
-    )
+    ax.plot(places + shift, heights, markersize=3.5, **{**style, **POINTS})
     for low, high in PART_COUNTS:
         inside = (places >= low) & (places <= (high or math.inf)) & ~np.isnan(heights)
         if inside.any():
