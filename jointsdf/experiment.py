@@ -17,7 +17,7 @@ from jointsdf.companions import companions
 from jointsdf.evaluation import GroundTruth, Scores
 from jointsdf.field import JointField
 from jointsdf.fitting import board_of, fit, save_field
-from jointsdf.machine import choose_matmul, peak_memory_mb, reset_peak_memory
+from jointsdf.machine import choose_matmul, keep_freed_memory, peak_memory_mb, reset_peak_memory
 from jointsdf.module import JointSDFModule
 from jointsdf.provenance import code_state, provenance
 from jointsdf.results import ResultRow, config_hash, write_row
@@ -129,7 +129,8 @@ def stored_row(
 
 
 def machine_facts(cfg: DictConfig, module: JointSDFModule) -> dict[str, str | int]:
-    """Choose how matrices are multiplied, and say what the fit uses of this machine."""
+    """Choose how matrices are multiplied and memory is kept, and say what the fit uses of this machine."""
+    keep_freed_memory()
     matmul, threads = choose_matmul(cfg.trainer.matmul), torch.get_num_threads()
     backward = str(module.backward_dtype or torch.float32).removeprefix("torch.")
     log.info("machine: %d threads, %s matrix products, backward in %s", threads, matmul, backward)
