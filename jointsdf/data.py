@@ -56,7 +56,7 @@ class ShapeDataModule(LightningDataModule):
         workers: Processes that draw samples; 0 draws in the training process.
 
     Raises:
-        InputError: A negative size or number of workers, or an unknown source of distances.
+        InputError: A negative size or number of workers, an unknown source of distances, or a cloud that gives none.
     """
 
     def __init__(
@@ -91,6 +91,11 @@ class ShapeDataModule(LightningDataModule):
         else:
             known, where = FreeSpace(self.cloud.points[: self.cloud.uniform]).signed(pool)
             pool, known = pool[where], known[where]
+            if pool_size and not len(pool):
+                raise InputError(
+                    f"data.distances=cloud: {cloud_size} points leave no free space in the box; "
+                    "use a larger data.cloud_size, or data.distances=mesh"
+                )
         self.sampler = Sampler(self.cloud, pool, known, counts, seed)
 
     def train_dataloader(self) -> DataLoader[Samples]:

@@ -15,6 +15,7 @@ from jointsdf.values import BOX
 
 # Among n random points the widest gap is about as wide as the circle that holds log(n), 10 for 30,000.
 GAP_NEIGHBOUR, GAP_QUANTILE, GAP_MARGIN = 10, 0.999, 1.2
+FINEST = 256  # cells along each axis of the box, so that memory stays bounded; a cube's 30,000 points take 49
 
 
 class FreeSpace:
@@ -31,7 +32,7 @@ class FreeSpace:
         self.tree = KDTree(points)
         neighbour = min(GAP_NEIGHBOUR, len(points) - 1)
         gaps = self.tree.query(points, [neighbour + 1], workers=-1)[0]
-        self.reach = GAP_MARGIN * float(np.quantile(gaps, GAP_QUANTILE))
+        self.reach = max(GAP_MARGIN * float(np.quantile(gaps, GAP_QUANTILE)), 4 * BOX / FINEST)
         self.cells = int(np.ceil(2 * BOX / (self.reach / 2)))
         empty = np.ones((self.cells,) * 3, dtype=bool)
         empty[tuple(self._cell(points).T)] = False

@@ -6,7 +6,7 @@ import trimesh
 
 from jointsdf.cloud import Cloud, stream
 from jointsdf.data import ShapeDataModule, network_distance
-from jointsdf.free_space import FreeSpace
+from jointsdf.free_space import FINEST, FreeSpace
 from jointsdf.sampling import Counts
 from jointsdf.values import BOX, InputError, LabelledMesh, Shape
 
@@ -61,3 +61,18 @@ def test_a_run_can_take_its_distances_from_the_cloud(box_shape: Shape) -> None:
     assert len(data.sampler.pool) < 5000
     with pytest.raises(InputError, match=r"data\.distances=guess: accepted are mesh, cloud"):
         ShapeDataModule(box_shape, counts, seed=0, cloud_size=100, pool_size=10, distances="guess")
+
+
+def test_cells_stay_bounded_for_a_dense_cloud() -> None:
+    cloud = cloud_of(trimesh.creation.box((2, 0.05, 0.05)), 200_000)
+    space = FreeSpace(cloud.points)
+    assert space.cells == FINEST
+    found, known = space.signed(probes())
+    exact = np.abs(probes()) - np.array([2, 0.05, 0.05]) / 2 / cloud.normalisation.scale
+    assert (found[known & (exact > 0).any(1)] > 0).all()
+
+
+def test_a_cloud_that_leaves_no_free_space_is_refused(box_shape: Shape) -> None:
+    counts = Counts(manifold=10, non_manifold=10, shell=10, pool=10)
+    with pytest.raises(InputError, match="8 points leave no free space"):
+        ShapeDataModule(box_shape, counts, seed=0, cloud_size=8, pool_size=500, distances="cloud")
