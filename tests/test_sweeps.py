@@ -75,6 +75,7 @@ def test_the_stored_sweeps_are_the_papers_and_the_ablations() -> None:
     assert (swept("main", "shape"), swept("main", "head")) == (abc, list(HEADS[1:]))
     assert (swept("paired", "shape"), swept("paired", "head")) == (abc[:20], list(HEADS))
     assert (swept("builtin", "shape"), swept("builtin", "head")) == (parts, list(HEADS))
+    assert (swept("points", "shape"), swept("points", "head")) == (abc[:20], ["none", "hybrid"])
     assert set(swept("smoke", "shape")) < set(parts)
     assert len(swept("smoke", "shape")) * len(swept("smoke", "head")) >= 4
 
@@ -95,12 +96,21 @@ def test_a_stored_sweep_makes_the_runs_that_it_says(tmp_path, composed, name) ->
     assert {cfg.shape for cfg in composed} == {shape}
     assert {cfg.study for cfg in composed} == {name}
     assert {cfg.paths.abc_missing for cfg in composed} == {"error" if shape.startswith("abc") else "fallback"}
-    assert {cfg.recipe for cfg in composed} == {"smoke" if name == "smoke" else "fast"}
+    assert {cfg.recipe for cfg in composed} == {name if name in ("smoke", "points") else "fast"}
     for cfg in composed:
         assembly.checked(cfg)
     wanted = [assembly.folder_of(cfg) for cfg in composed]
     assert run_state.planned(tmp_path / name) == wanted
     assert len(set(wanted)) == count, "every run has a folder of its own"
+
+
+def test_the_borders_of_the_recipe_are_one_side_of_the_comparison(tmp_path, composed) -> None:
+    """So that `main` has that side already."""
+    call("train.py", "sweeps=boundaries", "shape=part_02", "head=siren", f"paths.outputs={tmp_path}")
+    call("train.py", "sweeps=main", "shape=part_02", "head=siren", "paths.abc_missing=fallback")
+    plain, balanced, default = ((cfg.data.counts.balanced, cfg.data.counts.borders) for cfg in composed)
+    assert plain == (0.0, 0.0)
+    assert balanced == default
 
 
 def test_the_command_line_narrows_any_axis(tmp_path, composed) -> None:
