@@ -89,13 +89,14 @@ def failures(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
         except InputError as error:
             missing.append(str(error))
             continue
-        text = f"worst {name}: {run[column]:.3g}\n{run['head']} on {run['shape']}"
+        text = f"{name}: {run[column]:.3g}\n{run['head']}\n{run['shape']}"
         rows.append(_failure_row(text, pair))
     if not rows:
         return None, missing
     what = (
-        "The worst runs with a mesh. Heat: distance of the ground truth to the prediction and of the prediction to the "
-        "ground truth, in percent of the longest side; dark red: predicted faces whose label is not the ground truth's"
+        "The worst run by each measure, of those with a mesh. Heat: distance of the ground truth to the prediction and "
+        "of the prediction to the ground truth, in percent of the longest side; dark red: predicted faces whose label "
+        "is not the ground truth's"
     )
     titles = ["ground truth", "prediction", "truth to prediction", "prediction to truth", "wrong labels"]
     return Drawing(page(rows, titles), caption(what, comparison, unequal=False)), missing
