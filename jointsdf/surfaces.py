@@ -1,4 +1,4 @@
-"""A triangle mesh as a surface to draw from: points on it, its normals, and points near the borders of its parts."""
+"""A triangle mesh as a surface: points on it, its normals, points near the borders of its parts, what rays meet."""
 
 import igl
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.random import Generator
 from jointsdf.values import UNLABELLED, LabelledMesh
 
 BORDER_SCALES = (-3.3, -1.3)  # log10 of the narrowest and widest noise about a border, of half the longest side
+NOTHING_MET = 1e30  # embree's answer where a ray meets nothing is larger
 
 
 def area_uniform(
@@ -27,6 +28,25 @@ def face_normals(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) ->
     a, b, c = vertices[faces].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
     return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+
+
+def ray_lengths(
+    corners: Float[ndarray, "f 3 3"], origins: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]
+) -> Float[ndarray, " n"]:
+    """How far rays go until they meet a face; infinite where they meet none.
+
+    Args:
+        corners: Of the faces, in a frame where the mesh is at most about 1 across: the rays are cast in float32.
+        origins: Where the rays start, same frame.
+        directions: Unit vectors.
+    """
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    scene = EmbreeScene()
+    TriangleMesh(scene, corners.astype(np.float32))
+    lengths = scene.run(origins.astype(np.float32), directions.astype(np.float32), query="DISTANCE")
+    return np.where(lengths > NOTHING_MET, np.inf, lengths.astype(np.float64))
 
 
 def edge_keys(faces: Int[ndarray, "f 3"], vertices: int) -> Int[ndarray, " e"]:

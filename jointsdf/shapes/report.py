@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 import igl
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from numpy import ndarray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from jointsdf.shapes.labels import face_areas
+from jointsdf.surfaces import area_uniform, face_normals, ray_lengths
 from jointsdf.values import BOX, UNLABELLED, LabelledMesh, Shape
 
 SAMPLES, WINDINGS = 10000, 2000  # points on the surface for rays, and for winding numbers
@@ -131,10 +132,10 @@ def mesh_report(shape: Shape, scale: float, resolution: int | str) -> MeshReport
     labelled = mesh.labels != UNLABELLED
     part_areas = np.bincount(np.searchsorted(mesh.part_ids, mesh.labels[labelled]), areas[labelled])
     order = np.argsort(-part_areas, kind="stable")
-    corners, size = _in_box(mesh)
-    faces, points = _samples(corners, areas)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True))[faces]
+    vertices, size = _in_box(mesh)
+    corners = vertices[mesh.faces]
+    points, faces = area_uniform(vertices, mesh.faces, SAMPLES, np.random.default_rng(0))
+    normals = face_normals(vertices, mesh.faces)[faces]
     inward, outward = _reach(corners, points, -normals), _reach(corners, points, normals)
     near = (inward < CONTACT) | (outward < CONTACT)
     wall = float(np.quantile(inward, THINNEST, method="lower")) * size
@@ -164,11 +165,11 @@ def resolution_for(wall: float) -> int:
     return next((resolution for resolution in LADDER if wall * (resolution - 1) >= CELLS * 2 * BOX), FINEST)
 
 
-def _in_box(mesh: LabelledMesh) -> tuple[Float[ndarray, "f 3 3"], float]:
-    """Corners of the faces about the middle of their box, its longest side 1; and that side, mesh units."""
+def _in_box(mesh: LabelledMesh) -> tuple[Float[ndarray, "v 3"], float]:
+    """Vertices about the middle of their box, its longest side 1; and that side, mesh units."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     size = float((high - low).max())
-    return ((mesh.vertices - (low + high) / 2) / size)[mesh.faces], size
+    return (mesh.vertices - (low + high) / 2) / size, size
 
 
 def _components(mesh: LabelledMesh) -> int:
@@ -178,28 +179,11 @@ def _components(mesh: LabelledMesh) -> int:
     return int(connected_components(graph, directed=False)[0])
 
 
-def _samples(
-    corners: Float[ndarray, "f 3 3"], areas: Float[ndarray, " f"]
-) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 3"]]:
-    """Points uniform by area: their faces and positions."""
-    rng = np.random.default_rng(0)
-    faces = rng.choice(len(areas), SAMPLES, p=areas / areas.sum())
-    shares = rng.dirichlet(np.ones(3), SAMPLES)
-    return faces, np.einsum("nc,ncd->nd", shares, corners[faces])
-
-
 def _reach(
     corners: Float[ndarray, "f 3 3"], points: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]
 ) -> Float[ndarray, " n"]:
     """How far rays go from the surface to the next face; infinite where they meet none. Longest sides."""
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
-    scene = EmbreeScene()
-    TriangleMesh(scene, corners.astype(np.float32))
-    rays = (values.astype(np.float32) for values in (points + LIFT * directions, directions))
-    reached = np.asarray(scene.run(*rays, query="DISTANCE"), dtype=np.float64)
-    return np.where(reached > 2.0, np.inf, reached + LIFT)
+    return ray_lengths(corners, points + LIFT * directions, directions) + LIFT
 
 
 def _buried(corners: Float[ndarray, "f 3 3"], points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"]) -> float:

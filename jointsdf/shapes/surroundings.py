@@ -5,6 +5,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from jointsdf.shapes.labels import face_areas
+from jointsdf.surfaces import ray_lengths
 from jointsdf.values import LabelledMesh
 
 SAMPLES = 40_000  # points on the whole surface, besides one in each face
@@ -29,7 +30,7 @@ def surroundings(mesh: LabelledMesh, regions: Int[ndarray, " f"]) -> tuple[Float
     corners = ((mesh.vertices - (low + high) / 2) / np.linalg.norm(high - low))[mesh.faces]
     faces, points, frames, weights = _samples(corners, face_areas(mesh))
     thickness = np.log(np.clip(np.sort(_reach(corners, points, frames, -1.0, (STEEP,)), axis=0)[1], LIFT, 1.0))
-    met = (_reach(corners, points, frames, 1.0, (STEEP, FLAT)) < 2.0).mean(axis=0)
+    met = (_reach(corners, points, frames, 1.0, (STEEP, FLAT)) < np.inf).mean(axis=0)
     occlusion = np.clip((met - POCKET[0]) / (POCKET[1] - POCKET[0]), 0.0, 1.0)
     total = np.bincount(regions[faces], weights)
     thickness, occlusion = (np.bincount(regions[faces], weights * values) / total for values in (thickness, occlusion))
@@ -64,7 +65,7 @@ def _reach(
     side: float,
     tilts: tuple[float, ...],
 ) -> Float[ndarray, "r n"]:
-    """How far rays go: one along the normal, and four around it for each tilt; more than 2 where they meet nothing.
+    """How far rays go: one along the normal, and four around it for each tilt; infinite where they meet nothing.
 
     Args:
         corners: Of the faces, in diagonals of the mesh about its centre.
@@ -73,16 +74,10 @@ def _reach(
         side: 1 for outward, -1 for inward.
         tilts: Angles to the normal, radians.
     """
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
     along, across, normal = frames.swapaxes(0, 1)
     normal = side * normal
     around = (along, across, -along, -across)
     tilted = [np.cos(tilt) * normal + np.sin(tilt) * tangent for tilt in tilts for tangent in around]
     directions = np.stack([normal, *tilted])
     origins = np.broadcast_to(points + LIFT * normal, directions.shape)
-    scene = EmbreeScene()
-    TriangleMesh(scene, corners.astype(np.float32))
-    rays = (values.reshape(-1, 3).astype(np.float32) for values in (origins, directions))
-    return np.asarray(scene.run(*rays, query="DISTANCE"), dtype=np.float64).reshape(len(directions), -1)
+    return ray_lengths(corners, origins.reshape(-1, 3), directions.reshape(-1, 3)).reshape(len(directions), -1)
