@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from benchmarks.scene import composed, fitted
 from benchmarks.table import Row, interleaved, machine
-from jointsdf.extraction import Extraction
+from jointsdf.extraction import Extraction, Surface
 from jointsdf.field import JointField
 from jointsdf.machine import choose_matmul, peak_memory_mb, reset_peak_memory
 from jointsdf.values import BOX, LabelledMesh
@@ -40,13 +40,16 @@ def rows(
     field, threads = module.field, torch.get_num_threads()
     with machine(threads, choose_matmul("auto")):
         points = grid_points(resolution, part)
+        surfaces: dict[str, Surface] = {}
+
+        def surface(method: str) -> None:
+            surfaces[method] = Extraction(resolution, method).surface(field.network_sdf)
+
         sparse, style = interleaved(
-            repetitions,
-            lambda: Extraction(resolution).surface(field.network_sdf),
-            lambda: released_style(field, points, threads),
+            repetitions, lambda: surface("sparse"), lambda: released_style(field, points, threads)
         )
-        (dense,) = interleaved(1, lambda: Extraction(resolution, "dense").surface(field.network_sdf))
-        assert_same(field, resolution)
+        (dense,) = interleaved(1, lambda: surface("dense"), warm_up=False)
+        assert_same(surfaces["sparse"], surfaces["dense"])
         style *= resolution**3 / len(points)
         name = f"sparse extraction, {resolution}^3, same mesh"
         whole = resolution == 256
@@ -79,9 +82,8 @@ def released_style(field: JointField, points: Float[ndarray, "n 3"], threads: in
             field.trunk(torch.from_numpy(points[start:end]))
 
 
-def assert_same(field: JointField, resolution: int) -> None:
+def assert_same(sparse: Surface, dense: Surface) -> None:
     """Check that both paths give one mesh."""
-    sparse, dense = (Extraction(resolution, method).surface(field.network_sdf) for method in ("sparse", "dense"))
     assert np.array_equal(sparse.faces, dense.faces), "sparse and dense give different faces"
     assert np.allclose(sparse.vertices, dense.vertices, atol=1e-6), "sparse and dense give different vertices"
 
@@ -92,7 +94,7 @@ def thin_plate(resolution: int, steps: int) -> list[Row]:
     mesh = LabelledMesh(np.array(box.vertices), np.array(box.faces), np.zeros(len(box.faces), dtype=np.int64))
     _, module = fitted(composed(f"trainer.max_steps={steps}"), mesh)
     reset_peak_memory()
-    (seconds,) = interleaved(1, lambda: Extraction(resolution).surface(module.field.network_sdf))
+    (seconds,) = interleaved(1, lambda: Extraction(resolution).surface(module.field.network_sdf), warm_up=False)
     memory, whole = peak_memory_mb() / 1024, resolution == 1024
     name = f"sparse extraction, {resolution}^3, thin plate"
     return [

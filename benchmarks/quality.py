@@ -16,7 +16,7 @@ SHAPES = ("part_01", "part_12", "part_23")
 QUALITY, PAPER_STEPS = 1.05, 10_000
 
 
-def rows(shapes: Sequence[str] = SHAPES, prefix: int = 10, overrides: Sequence[str] = ()) -> list[Row]:
+def rows(shapes: Sequence[str] = SHAPES, prefix: int = 5, overrides: Sequence[str] = ()) -> list[Row]:
     """Seconds and quality of every recipe and shape.
 
     Args:

@@ -60,10 +60,10 @@ def table(rows: Sequence[Row]) -> list[str]:
     return [HEADER, *(row.line() for row in rows), summary + (f"; missed: {', '.join(missed)}" if missed else "")]
 
 
-def interleaved(repetitions: int, *sides: Callable[[], object]) -> list[float]:
-    """Median seconds of each side after a warm-up, taken in turn so that a busy machine hurts them alike."""
+def interleaved(repetitions: int, *sides: Callable[[], object], warm_up: bool = True) -> list[float]:
+    """Median seconds of each side, taken in turn so that a busy machine hurts them alike."""
     taken: list[list[float]] = [[] for _ in sides]
-    for repetition in range(repetitions + 1):
+    for repetition in range(0 if warm_up else 1, repetitions + 1):
         for side, seconds in zip(sides, taken, strict=True):
             start = time.perf_counter()
             side()
