@@ -25,6 +25,7 @@ from jointsdf.field import JointField, first_line
 from jointsdf.machine import choose_backward
 from jointsdf.module import JointSDFModule
 from jointsdf.sampling import Counts
+from jointsdf.surfaces import relative_area
 from jointsdf.values import InputError, Shape
 from jointsdf.viewing.render import compare
 
@@ -107,7 +108,16 @@ def settings_of(cfg: DictConfig, shape: Shape) -> tuple[dict[str, Any], dict[str
     if settings["partfield_dir"] is not None:
         settings["partfield_dir"] = str(Path(str(settings["partfield_dir"])).expanduser().resolve())
     settings["paths"]["abc_root"] = str(Path(cfg.paths.abc_root).expanduser().resolve())
-    return settings, run_folder.identity(settings, **identity_of(shape))
+    numbers = run_folder.identity(settings, **identity_of(shape))
+    if trunk_rate(cfg, shape) == 1:  # a limit that the shape does not reach decides nothing
+        del numbers["trainer"]["full_rate_area"]
+    return settings, numbers
+
+
+def trunk_rate(cfg: DictConfig, shape: Shape) -> float:
+    """Factor on the trunk's learning rates: the same points a step are spread thinner over a larger surface."""
+    most = cfg.trainer.full_rate_area
+    return 1.0 if most is None else min(1.0, most / relative_area(shape.mesh))
 
 
 def stored_truth(folder: Path) -> tuple[DictConfig, Shape]:
@@ -156,7 +166,7 @@ def build(cfg: DictConfig, shape: Shape) -> tuple[ShapeDataModule, JointSDFModul
     with settings_errors("data"):
         data = _data(cfg, shape)
     with settings_errors("trunk, head, loss or optimizer"):
-        module = _module(cfg, data)
+        module = _module(cfg, data, trunk_rate(cfg, shape))
         module.configure_optimizers()  # so that a bad rate is refused now, not in the fit
     return data, module
 
@@ -169,7 +179,7 @@ def _data(cfg: DictConfig, shape: Shape) -> ShapeDataModule:
     return ShapeDataModule(shape, counts, seed=cfg.seed, **settings)
 
 
-def _module(cfg: DictConfig, data: ShapeDataModule) -> JointSDFModule:
+def _module(cfg: DictConfig, data: ShapeDataModule, rate: float) -> JointSDFModule:
     trunk: Any = OmegaConf.to_container(cfg.trunk, resolve=True)
     head: Any = OmegaConf.to_container(cfg.head, resolve=True)
     part_ids = data.cloud.part_ids if cfg.head.name != "none" else np.arange(0)
@@ -181,6 +191,7 @@ def _module(cfg: DictConfig, data: ShapeDataModule) -> JointSDFModule:
         loss["schedules"],
         instantiate(cfg.optimizer),
         seed=cfg.seed,
+        trunk_rate=rate,
         backward_dtype=choose_backward(cfg.trainer.backward, gpu=on_gpu(cfg)),
         **{key: cfg.trainer[key] for key in ("max_steps", "head_lr", "clip", "cosine", "warmup", "log_every")},
     )

@@ -44,6 +44,7 @@ OPTIONAL = {  # checked where the chosen group has them
     "optimizer.lr": (0.0, 1e6),
     "optimizer.muon_lr": (0.0, 1e6),
     "trainer.head_lr": (0.0, 1e6),
+    "trainer.full_rate_area": (1e-6, math.inf),
     "loss.terms.sign_agnostic.alpha": (0.0, math.inf),
 }
 OPTIONAL_INTEGERS = {  # or a word

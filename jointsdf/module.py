@@ -42,6 +42,7 @@ class JointSDFModule(LightningModule):
         clip: Largest gradient norm, of the trunk and of the head each.
         cosine: Whether every learning rate falls to 0 along a half cosine.
         warmup: Share of the steps over which the rates rise linearly from 0.
+        trunk_rate: Factor on the trunk's learning rates.
         backward_dtype: Precision of the trunk's backward matrix products; None: that of the parameters.
         log_every: Steps between two that are logged, the trainer's own number.
     """
@@ -60,6 +61,7 @@ class JointSDFModule(LightningModule):
         clip: float = 10.0,
         cosine: bool = False,
         warmup: float = 0.0,
+        trunk_rate: float = 1.0,
         backward_dtype: torch.dtype | None = None,
         log_every: int = 1,
     ) -> None:
@@ -73,7 +75,8 @@ class JointSDFModule(LightningModule):
         self.terms, self.weights, self.schedules = dict(terms), dict(weights), dict(schedules)
         self.optimizer = optimizer
         self.max_steps, self.seed = max_steps, seed
-        self.head_lr, self.clip, self.cosine, self.warmup = head_lr, clip, cosine, warmup
+        self.head_lr, self.clip = head_lr, clip
+        self.cosine, self.warmup, self.trunk_rate = cosine, warmup, trunk_rate
         self.backward_dtype, self.log_every = backward_dtype, log_every
         self.drops = any(isinstance(layer, nn.Dropout) for layer in field.modules())
 
@@ -142,14 +145,20 @@ class JointSDFModule(LightningModule):
         """The optimizer over the named groups, and the learning-rate schedule by step."""
         groups = parameter_groups(self.field.trunk, self.field.head, head_lr=self.head_lr)
         optimizer = self.optimizer(groups)
-        return {
-            "optimizer": optimizer,
-            # a plain function: of a method, LambdaLR would store the attributes in every checkpoint
-            "lr_scheduler": {"scheduler": LambdaLR(optimizer, lambda step: self.rate(step)), "interval": "step"},
-        }
+
+        def of_head(step: int) -> float:  # plain functions: LambdaLR would store a method's attributes in checkpoints
+            return self.rate(step)
+
+        def of_trunk(step: int) -> float:
+            return self.trunk_rate * self.rate(step)
+
+        rates: list[Callable[[int], float]] = [
+            of_head if group["name"] == "head" else of_trunk for group in optimizer.param_groups
+        ]
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": LambdaLR(optimizer, rates), "interval": "step"}}
 
     def rate(self, step: int) -> float:
-        """Factor on every learning rate at this step."""
+        """Factor on every learning rate at this step, beside `trunk_rate`."""
         share = step / self.max_steps
         rising = min(1.0, (step + 1) / max(1.0, self.warmup * self.max_steps))
         return rising * (0.5 * (1 + math.cos(math.pi * min(share, 1.0))) if self.cosine else 1.0)

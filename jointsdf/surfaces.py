@@ -30,6 +30,17 @@ def face_normals(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) ->
     return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
 
 
+def face_areas(mesh: LabelledMesh) -> Float[ndarray, " f"]:
+    """Area of each face, mesh units squared."""
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+
+
+def relative_area(mesh: LabelledMesh) -> float:
+    """Surface area of a mesh in squares of half its longest side: 24 for a cube."""
+    return float(face_areas(mesh).sum() / _half_side(mesh) ** 2)
+
+
 def ray_lengths(
     corners: Float[ndarray, "f 3 3"], origins: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]
 ) -> Float[ndarray, " n"]:
@@ -90,8 +101,7 @@ def near_borders(
     start, end = mesh.vertices[edges.T].astype(np.float64)
     chosen = _weighted(np.linalg.norm(end - start, axis=1), count, generator)
     along = start[chosen] + generator.random((count, 1)) * (end - start)[chosen]
-    half_side = float(np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0).max()) / 2
-    widths = half_side * 10 ** generator.uniform(*BORDER_SCALES, (count, 1))
+    widths = _half_side(mesh) * 10 ** generator.uniform(*BORDER_SCALES, (count, 1))
     moved = along + widths * generator.standard_normal((count, 3))
     vertices, faces = mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64)
     _, nearest, points = igl.point_mesh_squared_distance(
@@ -105,3 +115,8 @@ def _weighted(weights: Float[ndarray, " w"], count: int, generator: Generator) -
     cumulative = np.cumsum(weights)
     chosen = np.searchsorted(cumulative, generator.random(count) * cumulative[-1], side="right")
     return np.minimum(chosen, len(weights) - 1)
+
+
+def _half_side(mesh: LabelledMesh) -> float:
+    """Half the longest side of the faces' box."""
+    return float(np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0).max()) / 2

@@ -11,6 +11,7 @@ from hydra.errors import ConfigCompositionException
 from hydra.utils import get_object
 from omegaconf import DictConfig, OmegaConf
 
+from jointsdf import assembly
 from jointsdf.data import ShapeDataModule
 from jointsdf.heads import HEADS
 from jointsdf.module import JointSDFModule
@@ -216,3 +217,14 @@ def test_evaluation_protocols() -> None:
         assert protocol.metrics.f_score.threshold == 0.005
         assert (protocol.metrics.consistency.neighbours, protocol.metrics.consistency.anchors) == (10, 1000)
         assert (protocol.metrics.boundary.spacing, protocol.metrics.boundary.tolerance) == (0.001, 0.01)
+
+
+def test_rates_fall_on_a_large_surface_and_a_limit_out_of_reach_decides_nothing() -> None:
+    shape = assembly.load_shape(config())
+    assert assembly.trunk_rate(config("trainer.full_rate_area=null"), shape) == 1
+    assert assembly.trunk_rate(config("trainer.full_rate_area=20"), shape) == 1
+    assert assembly.trunk_rate(config("trainer.full_rate_area=6"), shape) == pytest.approx(6 / 12.77, abs=1e-3)
+    runs = (config(f"trainer.full_rate_area={limit}") for limit in ("null", 20, 6))
+    free, far, near = (assembly.settings_of(run, shape)[1]["trainer"] for run in runs)
+    assert free == far == {key: value for key, value in near.items() if key != "full_rate_area"}
+    assert near["full_rate_area"] == 6

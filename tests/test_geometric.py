@@ -17,10 +17,10 @@ from jointsdf.shapes import labels as part_labels
 from jointsdf.shapes.builtin import BUILTINS, part_names
 from jointsdf.shapes.builtin.construction import Construction, box, rod
 from jointsdf.shapes.geometric import Hierarchy, hierarchy
-from jointsdf.shapes.labels import face_areas
 from jointsdf.shapes.merging import SMALLEST
 from jointsdf.shapes.regions import components, face_graph, measured, smooth_regions
 from jointsdf.shapes.surroundings import surroundings
+from jointsdf.surfaces import face_areas
 from jointsdf.values import InputError, LabelledMesh
 
 COUNTS = (None, 2, 3, 7, 18, 40)

@@ -3,7 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jointsdf.shapes.labels import face_areas, numbered_by_area, read
+from jointsdf.shapes.labels import numbered_by_area, read
+from jointsdf.surfaces import face_areas
 from jointsdf.values import InputError, LabelledMesh
 
 

@@ -206,6 +206,15 @@ def test_rate_is_constant_by_default(small_field: BuildField) -> None:
     assert {module_of(small_field()).rate(step) for step in (0, 50, 99)} == {1.0}
 
 
+@pytest.mark.parametrize("factor", [1.0, 0.25])
+def test_a_factor_on_the_trunk_leaves_the_head_alone(small_field: BuildField, factor: float) -> None:
+    optimizer = partial(MuonAdam, lr=1e-3, muon_lr=2e-3)
+    found = module_of(small_field("siren"), optimizer=optimizer, trunk_rate=factor).configure_optimizers()
+    rates = {group["name"]: group["lr"] for group in found["optimizer"].param_groups}
+    assert rates == {"hidden": 2e-3 * factor, "trunk": 1e-3 * factor, "head": 1e-3}
+    assert found["lr_scheduler"]["scheduler"].state_dict()["lr_lambdas"] == [None] * 3
+
+
 def test_cosine_rate_falls_to_zero(small_field: BuildField) -> None:
     rate = module_of(small_field(), cosine=True).rate
     assert rate(0) == 1

@@ -8,7 +8,7 @@ import trimesh
 
 from jointsdf.cloud import Cloud, stream
 from jointsdf.sampling import Counts, Sampler
-from jointsdf.surfaces import border_edges, edge_keys, near_borders
+from jointsdf.surfaces import border_edges, edge_keys, near_borders, relative_area
 from jointsdf.values import LabelledMesh
 
 
@@ -81,3 +81,10 @@ def test_the_uniform_points_do_not_depend_on_the_border_points() -> None:
     part = Cloud.of(halves(), count=400, seed=0, border_points=300, label_fraction=0.1)
     assert (part.labels >= 0).sum() == 70
     assert replace(part, labels=more.labels).uniform == 400
+
+
+@pytest.mark.parametrize("scale", [1.0, 40.0])
+def test_relative_area_of_a_box(scale: float) -> None:
+    box = trimesh.creation.box(scale * np.array([4.0, 2.0, 1.0]))
+    mesh = LabelledMesh(np.array(box.vertices), np.array(box.faces), np.zeros(12, dtype=np.int64))
+    assert relative_area(mesh) == pytest.approx(2 * (8 + 4 + 2) / 4)

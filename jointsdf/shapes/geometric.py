@@ -13,8 +13,8 @@ from numpy import ndarray
 
 from jointsdf.shapes import regions as smooth
 from jointsdf.shapes.bisection import bisected
-from jointsdf.shapes.labels import face_areas
 from jointsdf.shapes.merging import APART, SMALLEST, Merging
+from jointsdf.surfaces import face_areas
 from jointsdf.values import InputError, LabelledMesh
 
 LEAVES = 64  # pieces that smooth regions are cut into, at least

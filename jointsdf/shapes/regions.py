@@ -8,8 +8,8 @@ from numpy import ndarray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from jointsdf.shapes.labels import face_areas
 from jointsdf.shapes.surroundings import surroundings
+from jointsdf.surfaces import face_areas
 from jointsdf.values import UNLABELLED, LabelledMesh
 
 CREASE = np.radians(32.0)  # a cylinder of twelve segments (30 degrees) stays one region

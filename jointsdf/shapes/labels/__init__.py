@@ -5,9 +5,10 @@ import re
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 from numpy import ndarray
 
+from jointsdf.surfaces import face_areas
 from jointsdf.values import UNLABELLED, InputError, LabelledMesh
 
 TEXT = (".txt",)
@@ -81,9 +82,3 @@ def numbered_by_area(mesh: LabelledMesh) -> Int[ndarray, " f"]:
     labels = mesh.labels.copy()
     labels[labelled] = np.argsort(np.argsort(-part_areas, kind="stable"), kind="stable")[parts]
     return labels
-
-
-def face_areas(mesh: LabelledMesh) -> Float[ndarray, " f"]:
-    """Area of each face, mesh units squared."""
-    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
-    return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
