@@ -315,7 +315,7 @@ def test_off_a_terminal_it_is_quiet(tmp_path):
     assert len(lines) == 9, lines
     assert lines[0].startswith("machine: ")
     assert lines[1] == "part_01: 2940 faces, 1 component, watertight"
-    assert lines[6].startswith("part_01: its thinnest wall (6.77) is under 2 cells of the grid")
+    assert lines[6].startswith("part_01: its thinnest wall (6.72) is under 2 cells of the grid")
     assert lines[7] == str(tmp_path / "out" / PLACE)
     assert lines[8].startswith("part_01 siren: cd_l1 ")
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
