@@ -70,6 +70,7 @@ def test_cells_stay_bounded_for_a_dense_cloud() -> None:
     found, known = space.signed(probes())
     exact = np.abs(probes()) - np.array([2, 0.05, 0.05]) / 2 / cloud.normalisation.scale
     assert (found[known & (exact > 0).any(1)] > 0).all()
+    assert known[(exact > 2 * space.reach).any(1)].all()
 
 
 def test_a_cloud_that_leaves_no_free_space_is_refused(box_shape: Shape) -> None:
