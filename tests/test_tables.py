@@ -315,6 +315,74 @@ def test_a_baseline_of_another_study_is_borrowed_for_the_paired_table_alone(tmp_
     assert line(read(tmp_path, "main_reconstruction"), "relu")["n"] == 4
 
 
+def test_every_two_heads_are_compared_on_the_labels_too(eight: Path) -> None:
+    table = read(eight, "paired_heads").set_index("metric")
+    assert (table["head"] + " - " + table["against"]).unique().tolist() == ["siren - relu"]
+    for metric in ("miou", "acc", "consistency", "nc"):
+        test = stats.ttest_rel(values(eight, "siren", metric), values(eight, "relu", metric))
+        found = table.loc[metric]
+        assert (found["pairs"], found["p_t"], found["p_t_holm"]) == (8, *[pytest.approx(test.pvalue)] * 2)
+        assert (found["ci95_low"], found["ci95_high"]) == pytest.approx(tuple(test.confidence_interval(0.95)))
+    assert "siren $-$ relu" in tex(eight, "paired_heads")
+
+
+def test_three_heads_give_three_differences_corrected_together(tmp_path: Path) -> None:
+    random = np.random.default_rng(3)
+    heads = ("hybrid", "relu", "siren")
+    write(tmp_path, *(make_row(h, f"abc_{k:04d}", miou=random.uniform()) for h in heads for k in range(6)))
+    make_tables(tmp_path)
+    table = read(tmp_path, "paired_heads").set_index(["metric", "head", "against"]).loc["miou"]
+    assert list(table.index) == [("siren", "relu"), ("hybrid", "relu"), ("hybrid", "siren")]
+    least = table["p_t"].min()
+    assert table["p_t_holm"].min() == pytest.approx(min(1, 3 * least))
+    assert table.loc[("hybrid", "siren"), "delta"] == pytest.approx(
+        (values(tmp_path, "hybrid", "miou") - values(tmp_path, "siren", "miou")).mean()
+    )
+
+
+def test_variants_are_compared_with_the_first_on_the_shapes_of_all(tmp_path: Path) -> None:
+    def runs(variant: str, offset: float, shapes: int, head: str = "siren") -> list[ResultRow]:
+        names = [f"abc_000{k}" for k in range(shapes)]
+        return [
+            make_row(head, n, study="tap", variant=variant, nc=float(k + offset * (k + 1))) for k, n in enumerate(names)
+        ]
+
+    write(tmp_path, *runs("tap=1", 0, 4), *runs("tap=2", 0.5, 3), *runs("tap=3", -1, 4), *runs("tap=3", 9, 4, "relu"))
+    make_tables(tmp_path)
+    name = "variants--tap-fast-abc-brep-unit"
+    table = read(tmp_path, name).set_index(["metric", "head"]).loc["nc"]
+    assert list(table.index) == ["siren, tap=1", "siren, tap=2", "siren, tap=3"]  # relu has one variant alone
+    assert table["mean"].tolist() == pytest.approx([1, 2, -1])
+    assert table["delta"].tolist()[1:] == pytest.approx([1, -2])
+    test = stats.ttest_rel([0.5, 2, 3.5], [0, 1, 2])
+    assert table.loc["siren, tap=2", ["pairs", "p_t"]].tolist() == pytest.approx([3, test.pvalue])
+    assert table.loc["siren, tap=2", "p_t_holm"] == pytest.approx(2 * test.pvalue)
+    text = tex(tmp_path, name)
+    assert "variant tap=1; tap=2; tap=3" in text.replace("\\_", "_")
+    assert r"Left out: abc\_0003 (no siren, tap=2)." in text
+    assert rf"\input{{{name}.tex}}" in (tmp_path / "tables" / "report.tex").read_text()
+
+
+def test_variants_gone_since_take_their_table_along(tmp_path: Path) -> None:
+    write(tmp_path, make_row(variant="a", nc=1.0), make_row(variant="b", nc=1.0))
+    make_tables(tmp_path)
+    assert list((tmp_path / "tables").glob("variants*.tex"))
+    (tmp_path / "run0001" / "result.json").unlink()
+    make_tables(tmp_path)
+    assert not list((tmp_path / "tables").glob("variants*"))
+
+
+def test_spread_of_seeds_is_pooled_over_the_shapes_with_several(tmp_path: Path) -> None:
+    seeds = {"abc_0001": (0.5, 0.7), "abc_0002": (0.1, 0.2, 0.6), "abc_0003": (9.0,)}
+    write(tmp_path, *(make_row("siren", s, k, miou=v) for s, line in seeds.items() for k, v in enumerate(line)))
+    make_tables(tmp_path)
+    found = line(read(tmp_path, "seeds"), "siren")
+    squares = [np.var(values, ddof=1) * (len(values) - 1) for values in (seeds["abc_0001"], seeds["abc_0002"])]
+    assert found["miou_std"] == pytest.approx(math.sqrt(sum(squares) / 3))
+    assert (found["n"], found["seeds"]) == (2, 3)
+    assert math.isnan(found["nc_std"])
+
+
 def test_correlations_agree_with_scipy(eight: Path) -> None:
     table = read(eight, "correlation").set_index(["reconstruction", "segmentation", "head"])
     assert len(table) == 3 * 3 * 3

@@ -1,7 +1,7 @@
 """Which runs may share a table: same study, recipe, variant, source of shapes, kind of labels, protocol."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 
 import pandas as pd
@@ -40,6 +40,19 @@ class Group:
     def borrowed_from(self) -> str:
         """The study of the borrowed runs; empty for none."""
         return "" if self.borrowed.empty else str(self.borrowed["study"].iloc[0])
+
+
+@dataclass(frozen=True)
+class Family:
+    """The variants of a study, e.g. of an ablation, as one group whose "heads" are `<head>, <variant>`.
+
+    Attributes:
+        group: Their runs; the suffix leaves the variant out.
+        pairs: Each variant but the first, and the first, of the same head.
+    """
+
+    group: Group
+    pairs: list[tuple[str, str]]
 
 
 @dataclass(frozen=True)
@@ -93,6 +106,26 @@ def split(runs: pd.DataFrame, gaps: Sequence[Gap] = ()) -> list[Group]:
     ]
 
 
+def families(groups: Sequence[Group]) -> list[Family]:
+    """Put the groups together that differ in the variant alone; heads that only one variant has are left out."""
+    by_key: dict[tuple[str, ...], list[Group]] = {}
+    for group in groups:
+        by_key.setdefault(tuple(value for name, value in group.key.items() if name != "variant"), []).append(group)
+    families = []
+    for key, members in by_key.items():
+        members.sort(key=lambda group: group.key["variant"])
+        variants_of: dict[str, list[str]] = {}
+        for group in members:
+            for head in sorted(set(group.runs["head"]) - {BASELINE}):
+                variants_of.setdefault(head, []).append(group.key["variant"])
+        variants_of = {head: variants for head, variants in variants_of.items() if len(variants) > 1}
+        if variants_of:
+            arms = {head: [_arm(head, variant) for variant in variants] for head, variants in variants_of.items()}
+            pairs = [(other, first) for first, *others in arms.values() for other in others]
+            families.append(Family(_joined(key, members, {arm for line in arms.values() for arm in line}), pairs))
+    return families
+
+
 def compare(group: Group, *, baseline: bool) -> Comparison:
     """Keep the shapes that every head of the group was run on.
 
@@ -109,6 +142,19 @@ def compare(group: Group, *, baseline: bool) -> Comparison:
 def with_borrowed_baseline(group: Group) -> Group:
     """The group with the borrowed baseline runs among its own."""
     return group if group.borrowed.empty else replace(group, runs=pd.concat([group.runs, group.borrowed]))
+
+
+def _arm(head: str, variant: str) -> str:
+    return f"{head}, {variant}"
+
+
+def _joined(key: tuple[str, ...], members: Sequence[Group], arms: Set[str]) -> Group:
+    """One group of several variants' runs, a head per arm."""
+    runs = pd.concat([group.runs for group in members])
+    runs = runs.assign(head=[_arm(head, variant) for head, variant in zip(runs["head"], runs["variant"], strict=True)])
+    gaps = [replace(gap, head=_arm(gap.head, gap.variant)) for group in members for gap in group.gaps]
+    named = members[0].key | {"variant": "; ".join(group.key["variant"] for group in members)}
+    return Group(named, SUFFIX + _words(key), runs[runs["head"].isin(arms)], runs[:0], gaps)
 
 
 def _gaps_of(key: tuple[str, ...], gaps: Sequence[Gap]) -> list[Gap]:
@@ -136,7 +182,11 @@ def _place(head: str) -> int:
 def _suffixes(keys: list[tuple[str, ...]]) -> Iterator[str]:
     used: set[str] = set()
     for position, key in enumerate(keys):
-        words = dict.fromkeys(re.sub(r"[^A-Za-z0-9_=+.]+", "-", word) for word in key)  # study = recipe: said once
-        suffix = SUFFIX + "-".join(words) if position else ""
+        suffix = SUFFIX + _words(key) if position else ""
         yield suffix if suffix not in used else f"{suffix}-{position}"
         used.add(suffix)
+
+
+def _words(key: tuple[str, ...]) -> str:
+    """A group's key as part of a file's name."""
+    return "-".join(dict.fromkeys(re.sub(r"[^A-Za-z0-9_=+.]+", "-", word) for word in key))  # study = recipe: said once

@@ -1,15 +1,17 @@
-"""The tables with a line per head: reconstruction, segmentation, IoU of each part, part counts, cost."""
+"""The tables with a line per head: reconstruction, segmentation, IoU of each part, part counts, seeds, cost."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
 
 from jointsdf.study.captions import measured_on
-from jointsdf.study.columns import BY_PART_COUNT, COST, RECONSTRUCTION, SEGMENTATION, Column
+from jointsdf.study.columns import BY_PART_COUNT, CONTRASTED, COST, RECONSTRUCTION, SEGMENTATION, Column
 from jointsdf.study.csv_rows import IOU
 from jointsdf.study.groups import Comparison, Group, compare
-from jointsdf.study.latex import cell, escape
+from jointsdf.study.latex import MISSING, cell, escape
+from jointsdf.study.statistics import pooled_deviation
 from jointsdf.study.table import (
     Table,
     finished,
@@ -98,6 +100,32 @@ def part_count(group: Group, label: str) -> Table | None:
         blocks.append(len(numbers) - 1)
     what = f"By the number of parts of the ground truth, {MEAN}"
     return finished(comparison, numbers, text, what, label, unequal=fewer, blocks=blocks) if numbers else None
+
+
+def seeds(group: Group, label: str) -> Table | None:
+    """How far runs of one head and shape lie apart that differ in their seed. None where none has two."""
+    comparison = compare(group, baseline=True)
+    text: dict[str, list[str]] = {name: [] for name in ("Head", "$N$", "Seeds")}
+    text |= {column.header: [] for column in CONTRASTED}
+    numbers: list[dict[str, Any]] = []
+    for head in comparison.heads:
+        runs = comparison.of(head)
+        counts = runs.groupby("shape")["seed"].nunique()
+        repeated = runs[runs["shape"].isin(counts[counts > 1].index)]
+        if repeated.empty:
+            continue
+        found = {column: pooled_deviation(repeated, column.metric) for column in CONTRASTED}
+        shapes, most = repeated["shape"].nunique(), int(counts.max())
+        for header, content in zip(text, (escape(head), str(shapes), str(most)), strict=False):
+            text[header].append(content)
+        for column, value in found.items():
+            text[column.header].append(MISSING if math.isnan(value) else f"{value:.{column.digits + 1}f}")
+        numbers.append({"head": head, "n": shapes, "seeds": most} | {f"{c.metric}_std": v for c, v in found.items()})
+    what = (
+        "What chance alone changes: standard deviation over the seeds of one shape, pooled over the shapes that were "
+        "run with several (N)"
+    )
+    return finished(comparison, numbers, text, what, label) if numbers else None
 
 
 def _by_head(

@@ -42,6 +42,16 @@ def per_shape(runs: pd.DataFrame, metric: str) -> dict[str, float]:
     return {str(shape): float(mean) for shape, mean in runs.groupby("shape")[metric].mean().items()}
 
 
+def pooled_deviation(runs: pd.DataFrame, metric: str) -> float:
+    """Standard deviation over the runs (seeds) of a shape, pooled by degrees of freedom; NaN for none."""
+    if metric not in runs:
+        return math.nan
+    by_shape = runs.dropna(subset=metric).groupby("shape")[metric]
+    freedom = by_shape.count() - 1
+    squares = (by_shape.var(ddof=1) * freedom)[freedom > 0]
+    return math.sqrt(squares.sum() / freedom.sum()) if len(squares) else math.nan
+
+
 def common_shapes(runs: pd.DataFrame) -> tuple[list[str], dict[str, list[str]]]:
     """Split the shapes into those that every head has a run of, and the others.
 

@@ -15,6 +15,8 @@ from jointsdf.study.statistics import Summary, per_shape, summarise
 
 log = logging.getLogger(__name__)
 
+Line = tuple[dict[str, Any], dict[str, str]]  # what goes into the CSV, and LaTeX header -> cell
+
 
 @dataclass(frozen=True)
 class Table:
@@ -56,6 +58,13 @@ def finished(
         pd.DataFrame([line | origin for line in numbers]),
         tabular(pd.DataFrame(dict(text)), caption=described, label=label, blocks=blocks),
     )
+
+
+def in_blocks(comparison: Comparison, lines: Sequence[Line], what: str, label: str, block: int) -> Table:
+    """A table of lines that belong together `block` at a time (see `finished`)."""
+    text = {header: [cells[header] for _, cells in lines] for header in lines[0][1]}
+    ends = range(block - 1, len(lines), block)
+    return finished(comparison, [numbers for numbers, _ in lines], text, what, label, blocks=ends)
 
 
 def summaries(runs: pd.DataFrame, metrics: Sequence[str]) -> list[Summary]:

@@ -8,11 +8,12 @@ from functools import partial
 from pathlib import Path
 
 from jointsdf.results import ResultRow, write_atomically
-from jointsdf.study import comparisons, main_tables, relations
+from jointsdf.study import main_tables, pairs, relations
+from jointsdf.study.against_paper import against_paper
 from jointsdf.study.collect import collect
 from jointsdf.study.csv_rows import FILE, rows_to_csv
 from jointsdf.study.gaps import find_gaps
-from jointsdf.study.groups import SUFFIX, Group, split
+from jointsdf.study.groups import SUFFIX, Group, families, split
 from jointsdf.study.report import REPORT, report
 from jointsdf.study.table import Table
 
@@ -20,7 +21,7 @@ FOLDER = "tables"
 ENDINGS = (".csv", ".tex")
 PAPER = "paper"
 FIGURES = "figures"
-PAPER = "paper"
+VARIANTS = "variants"
 Builder = Callable[[Group, str], Table | None]
 
 
@@ -33,14 +34,16 @@ def builders(paper: Path) -> dict[str, Builder]:
     return {
         "main_reconstruction": main_tables.main_reconstruction,
         "main_segmentation": main_tables.main_segmentation,
-        "against_paper": partial(comparisons.against_paper, paper=paper),
-        "paired_reconstruction": comparisons.paired_reconstruction,
+        "against_paper": partial(against_paper, paper=paper),
+        "paired_reconstruction": pairs.paired_reconstruction,
+        "paired_heads": pairs.paired_heads,
         "per_part_iou": main_tables.per_part_iou,
         "correlation": relations.correlation,
         "correlation_exact": relations.correlation_exact,
         "quartiles": relations.quartiles,
         "quartiles_exact": relations.quartiles_exact,
         "part_count": main_tables.part_count,
+        "seeds": main_tables.seeds,
         "cost": main_tables.cost,
     }
 
@@ -67,14 +70,18 @@ def write_tables(rows: Sequence[ResultRow], outputs: Path, results: Path) -> lis
         for name, build in builds.items():
             if table := build(group, name + group.suffix):
                 written += _write(table, folder / (name + group.suffix))
-    for name in builds:
+    related = families(groups)
+    for family in related:
+        name = VARIANTS + family.group.suffix
+        written += _write(pairs.variants(family, name), folder / name)
+    for name in (*builds, VARIANTS):
         old = {folder / (name + ending) for ending in ENDINGS} | set(folder.glob(f"{name}{SUFFIX}*"))
         for path in old - set(written):
             path.unlink(missing_ok=True)
     tables = [Path(path.name) for path in written if path.suffix == ".tex"]
     figures = [Path("..", FIGURES, path.name) for path in sorted((outputs / FIGURES).glob("*.tex"))]
-    kinds = [*builds, *dict.fromkeys(path.stem.partition(SUFFIX)[0] for path in figures)]
-    write_atomically(folder / REPORT, report(groups, tables + figures, kinds))
+    kinds = [*builds, VARIANTS, *dict.fromkeys(path.stem.partition(SUFFIX)[0] for path in figures)]
+    write_atomically(folder / REPORT, report([*groups, *(family.group for family in related)], tables + figures, kinds))
     return [*written, folder / REPORT]
 
 

@@ -1,0 +1,72 @@
+"""Our numbers beside the paper's."""
+
+import logging
+import math
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from jointsdf.study.columns import AGAINST_PAPER, Column
+from jointsdf.study.groups import Comparison, Group, compare
+from jointsdf.study.latex import MISSING, cell, escape
+from jointsdf.study.statistics import Summary, per_shape, summarise
+from jointsdf.study.table import Line, Table, in_blocks
+
+log = logging.getLogger(__name__)
+
+PAPER_TABLE = "main_results.csv"
+PAPER_ORIGIN = (
+    "Paper: table 'Main results' of Fan and Musialski: its own 50 ABC shapes, PartField labels, 10 epochs of Adam at "
+    "5e-5, FlatCAD's protocol, no floors given. Shapes and labels are others than ours: a scale, not a comparison"
+)
+
+
+def against_paper(group: Group, label: str, paper: Path) -> Table | None:
+    """Our means and floors beside the paper's main table. None for a group without ABC shapes.
+
+    Args:
+        group: Runs that may be compared.
+        label: Name of the table.
+        paper: Folder of the paper's numbers.
+    """
+    comparison = compare(group, baseline=False)
+    if group.key["source"] != "abc" or not comparison.shapes:
+        return None
+    if not (paper / PAPER_TABLE).is_file():
+        log.warning(f"{label}: left out, there is no {paper / PAPER_TABLE}; name the folder of the results (--results)")
+        return None
+    theirs = pd.read_csv(paper / PAPER_TABLE, comment="#").set_index("head")
+    heads = list(dict.fromkeys([*comparison.heads, *map(str, theirs.index)]))
+    lines = [line for column in AGAINST_PAPER for line in _paper_lines(comparison, column, theirs, heads)]
+    what = (
+        f"Ours over the {len(comparison.shapes)} shapes that every head was run on, beside the paper: mean ± sample "
+        f"standard deviation; floor: the ground truth against itself. {PAPER_ORIGIN}"
+    )
+    return in_blocks(comparison, lines, what, label, len(heads))
+
+
+def _paper_lines(comparison: Comparison, column: Column, theirs: pd.DataFrame, heads: list[str]) -> list[Line]:
+    lines: list[Line] = []
+    for head in heads:
+        ours, floor = (_summary(comparison, head, f"{column.metric}{ending}") for ending in ("", "_floor"))
+        mean, std = _printed(theirs, head, column.metric)
+        numbers: dict[str, Any] = {"metric": column.metric, "head": head, "n": ours.n}
+        numbers |= {"mean": ours.mean, "std": ours.std, "floor_mean": floor.mean, "floor_std": floor.std}
+        cells = {"Metric": column.header if head == heads[0] else "", "Head": escape(head)}
+        for name, summary in (("ours", ours), ("our floor", floor)):
+            cells[name] = cell(summary, digits=column.digits, out_of=len(comparison.shapes), bold=False)
+        cells["paper"] = MISSING if math.isnan(mean) else rf"{mean:.2f} $\pm$ {std:.2f}"
+        lines.append((numbers | {"paper_mean": mean, "paper_std": std}, cells))
+    return lines
+
+
+def _summary(comparison: Comparison, head: str, metric: str) -> Summary:
+    return summarise(per_shape(comparison.of(head), metric).values())
+
+
+def _printed(theirs: pd.DataFrame, head: str, metric: str) -> tuple[float, float]:
+    if head not in theirs.index or f"{metric}_mean" not in theirs:
+        return math.nan, math.nan
+    mean, std = theirs.loc[head, [f"{metric}_mean", f"{metric}_std"]].to_numpy(dtype=float)
+    return float(mean), float(std)
