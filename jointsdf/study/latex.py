@@ -11,6 +11,7 @@ from jointsdf.study.statistics import Summary
 Goal = Literal["low", "high", "none"]
 MISSING = "--"
 TALL = 45  # lines; a longer table is made to fit a page
+FIT_HEIGHT = r"\resizebox*{!}{0.8\textheight}"
 FIT_WIDTH = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}"
 ESCAPES = {
     "\\": r"\textbackslash{}",
@@ -84,7 +85,6 @@ def tabular(cells: pd.DataFrame, *, caption: str, label: str, blocks: Sequence[i
     for place in sorted(set(blocks) - {len(cells) - 1}, reverse=True):
         lines.insert(place + 1, "\\addlinespace\n")
     text = above + rule + "".join(lines)
-    fitted = (
-        r"\resizebox{!}{0.8\textheight}" if len(cells) > TALL else FIT_WIDTH
-    ) + "{%\n\\setlength{\\tabcolsep}{4pt}\\begin{tabular}"
-    return text.replace(r"\begin{tabular}", fitted).replace(r"\end{tabular}", "\\end{tabular}}")
+    boxes = (FIT_WIDTH, FIT_HEIGHT) if len(cells) > TALL else (FIT_WIDTH,)
+    start = "".join(box + "{%\n" for box in boxes) + "\\setlength{\\tabcolsep}{4pt}\\begin{tabular}"
+    return text.replace(r"\begin{tabular}", start).replace(r"\end{tabular}", r"\end{tabular}" + "}" * len(boxes))
