@@ -233,6 +233,7 @@ def measure_again(folder: Path) -> tuple[ResultRow, Scores]:
     """
     cfg, shape = assembly.stored_truth(folder)
     row = run_folder.stored_row(folder)
+    choose_matmul(str(row.provenance.get("matmul", "default")))  # the last bits of the field depend on it
     field = JointField.load(folder / run_folder.FIELD)
     resolution = row.provenance["resolution"]
     assert isinstance(resolution, int), "a row without its grid"

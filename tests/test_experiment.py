@@ -14,6 +14,7 @@ from command_line import PLACE, call, finished, train
 from PIL import Image
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from jointsdf import experiment
 from jointsdf.field import JointField
 from jointsdf.losses.dirichlet import Dirichlet
 from jointsdf.shapes.builtin import BUILTINS
@@ -312,6 +313,13 @@ def test_measured_again_it_gives_the_same_numbers():
     printed = stored_scores(answer.text)
     assert len(printed) == sum(len(values) for values in scores.values())
     assert printed["unit", "cd_l1"] == f"{scores['unit']['cd_l1']:.6f}"
+
+
+def test_measured_again_it_multiplies_matrices_as_the_run_did(monkeypatch):
+    asked: list[str] = []
+    monkeypatch.setattr(experiment, "choose_matmul", asked.append)
+    assert call("evaluate.py", f"run={finished()}").code == 0
+    assert asked == [row_of(finished())["provenance"]["matmul"]]
 
 
 def test_a_number_that_differs_is_shown(tmp_path):
