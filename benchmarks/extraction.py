@@ -77,7 +77,7 @@ def grid_points(resolution: int, count: int) -> Float[ndarray, "n 3"]:
 
 def released_style(field: JointField, points: Float[ndarray, "n 3"], threads: int) -> None:
     """The plain network at points, 5,000 at a time."""
-    with torch.no_grad(), machine(threads, "default"):
+    with torch.no_grad(), machine(threads, "default", keep_memory=False):
         for start, end in pairwise([*range(0, len(points), CHUNK), len(points)]):
             field.trunk(torch.from_numpy(points[start:end]))
 

@@ -31,17 +31,20 @@ def peak_memory_mb() -> float:
         return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1)
 
 
-def keep_freed_memory() -> bool:
+def keep_freed_memory(most: int = KEPT_FREE) -> bool:
     """Have memory that a step frees wait for the next step instead of going back to the system (glibc alone).
 
     By its own rule glibc returns it, and every page comes back through a page fault: about a sixth of a step at the
     size of `fast` on a virtual machine.
 
+    Args:
+        most: Bytes that may wait; more goes back.
+
     Returns:
         Whether it could be arranged.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    limits = ((M_MMAP_THRESHOLD, LARGEST_KEPT), (M_TRIM_THRESHOLD, KEPT_FREE))
+    limits = ((M_MMAP_THRESHOLD, LARGEST_KEPT), (M_TRIM_THRESHOLD, most))
     return mallopt is not None and all(mallopt(what, value) == 1 for what, value in limits)
 
 
