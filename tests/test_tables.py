@@ -424,6 +424,29 @@ def test_part_counts_by_hand(eight: Path) -> None:
     assert r"\textgreater{}18" in tex(eight, "part_count")
 
 
+def test_worst_names_the_shape_by_the_metrics_own_direction(tmp_path: Path) -> None:
+    def run(head: str, k: int, cd_l1: float, nc: float, pieces: float) -> ResultRow:
+        floors = {"cd_l1_floor": 0.5, "nc_floor": 0.75}
+        return make_row(head, f"abc_000{k}", cd_l1=cd_l1, nc=nc, components=pieces, components_gt=1.0, **floors)
+
+    write(
+        tmp_path,
+        *(run("relu", 1, 1.0, 0.5, 1.0), run("relu", 2, 1.5, 0.75, 2.0), run("relu", 3, NAN, 0.25, 3.0)),
+        *(run("siren", k, 0.5, 1.0, 1.0) for k in (1, 2, 3)),
+    )
+    make_tables(tmp_path)
+    table = read(tmp_path, "worst").set_index(["metric", "head"])
+    facts = ["n", "mean", "worst", "shapes"]
+    assert table.loc[("cd_l1_over_floor", "relu"), facts].tolist() == [2, 2.5, 3.0, "abc_0002"]
+    assert table.loc[("nc_minus_floor", "relu"), facts].tolist() == [3, -0.25, -0.5, "abc_0003"]
+    assert table.loc[("pieces_right", "relu"), facts].tolist() == [3, pytest.approx(1 / 3), 0.0, "abc_0002 abc_0003"]
+    assert table.loc[("pieces_right", "siren"), ["n", "mean", "worst"]].tolist() == [3, 1.0, 1.0]
+    assert (table.loc[("parts_right", "relu"), "n"], table.loc[("acc_exact", "relu"), "n"]) == (0, 0)
+    text = tex(tmp_path, "worst")
+    assert r"relu & 1 of 3 & -- & abc\_0002, abc\_0003" in text
+    assert "siren & 3 of 3 & -- & --" in text
+
+
 def test_cost_names_the_machine(eight: Path) -> None:
     table = read(eight, "cost")
     assert set(table["seconds_fit_mean"]) == {2.5}
@@ -512,10 +535,10 @@ def test_one_group_has_plain_names_and_old_tables_go(tmp_path: Path) -> None:
     make_tables(tmp_path)
     tables = tmp_path / "tables"
     (tables / "mine.tex").write_text("kept")
-    assert len(list(tables.glob("*--*"))) == 10
+    assert len(list(tables.glob("*--*"))) == 12
     (tmp_path / "run0001" / "result.json").unlink()
     written = make_tables(tmp_path)
-    made = ("main_reconstruction", "main_segmentation", "per_part_iou", "part_count", "cost")
+    made = ("main_reconstruction", "main_segmentation", "worst", "per_part_iou", "part_count", "cost")
     names = {f"{name}.{ending}" for name in made for ending in ("csv", "tex")} | {"runs.csv", "report.tex"}
     assert {path.name for path in written} == names
     assert {path.name for path in tables.iterdir()} == names | {"mine.tex"}
@@ -528,10 +551,10 @@ def test_the_default_group_is_protocol_unit_however_few_its_rows(tmp_path: Path)
     assert line(read(tmp_path, "main_reconstruction"), "relu")["protocol"] == "unit"
 
 
-def test_the_baseline_alone_has_a_reconstruction_table_only(tmp_path: Path) -> None:
+def test_the_baseline_alone_has_tables_of_reconstruction_only(tmp_path: Path) -> None:
     write(tmp_path, make_row("none", cd_l1=1.0, miou=NAN))
     made = {path.name for path in make_tables(tmp_path)}
-    names = {f"{name}.{ending}" for name in ("main_reconstruction", "cost") for ending in ("csv", "tex")}
+    names = {f"{name}.{ending}" for name in ("main_reconstruction", "worst", "cost") for ending in ("csv", "tex")}
     assert made == names | {"runs.csv", "report.tex"}
 
 

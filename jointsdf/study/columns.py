@@ -80,12 +80,33 @@ class Relation:
 
 
 PAPER = Relation((CD_L1, NC, F1), (MIOU, ACC, CONSISTENCY))
+NC_MINUS_FLOOR = Column("nc_minus_floor", r"NC $-$ floor", 3, "high")
+F1_OVER_FLOOR = Column("f1_over_floor", "F1/floor", 3, "high")
+WORST = (
+    CD_L1,
+    CD_L1_OVER_FLOOR,
+    SURFACE_P99,
+    NC,
+    NC_MINUS_FLOOR,
+    F1_OVER_FLOOR,
+    Column("miou_minus_floor", r"mIoU $-$ floor", 3, "high"),
+    Column("acc_minus_floor", r"Acc. $-$ floor", 3, "high"),
+    Column("consistency_minus_floor", r"Consistency $-$ floor", 3, "high"),
+    Column("miou_exact_over_ceiling", "mIoU exact/ceiling", 3, "high"),
+    ACC_EXACT,
+    BOUNDARY_F1,
+)
+RIGHT = (
+    Column("pieces_right", "Right number of pieces", 0, "high"),
+    Column("euler_right", "Right Euler number", 0, "high"),
+    Column("parts_right", "Right number of parts", 0, "high"),
+)
 # Raw cd_l1 ranks the surface area of shapes; beside its floor it ranks what the fit adds.
 EXACT = Relation(
     (
         CD_L1_OVER_FLOOR,
-        Column("nc_minus_floor", r"NC $-$ floor", 3, "high"),
-        Column("f1_over_floor", "F1/floor", 3, "high"),
+        NC_MINUS_FLOOR,
+        F1_OVER_FLOOR,
     ),
     (MIOU_EXACT, ACC_EXACT),
 )

@@ -21,7 +21,18 @@ FILE = "runs.csv"
 DEFAULT_PROTOCOL = "unit"
 RUN = ["study", "variant", "recipe", "protocol", "head", "shape", "seed"]
 FACTS = ["source", "label_kind", "status", "num_parts", "steps"]
-DERIVED = ["cd_l1_over_floor", "nc_minus_floor", "f1_over_floor"]
+DERIVED = {  # from a metric and what it is held against
+    "cd_l1_over_floor": ("cd_l1", "cd_l1_floor"),
+    "nc_minus_floor": ("nc", "nc_floor"),
+    "f1_over_floor": ("f1", "f1_floor"),
+    "miou_minus_floor": ("miou", "miou_floor"),
+    "acc_minus_floor": ("acc", "acc_floor"),
+    "consistency_minus_floor": ("consistency", "consistency_floor"),
+    "miou_exact_over_ceiling": ("miou_exact", "miou_exact_ceiling"),
+    "pieces_right": ("components", "components_gt"),
+    "euler_right": ("euler", "euler_gt"),
+    "parts_right": ("parts_pred", "parts_gt"),
+}
 IOU = re.compile(r"iou_(\d+)")
 MESH_FILE_SHAPE = re.compile(r".*-[0-9a-f]{6}")  # `<stem>-<6 hex digits>`, whatever the stem
 SECONDS = "seconds_"
@@ -132,10 +143,18 @@ def _sections(row: ResultRow, protocol: str, metrics: Container[str]) -> list[di
 
 
 def _derived(scores: Mapping[str, float]) -> dict[str, float]:
-    cd_l1, nc, f1 = (scores.get(name, math.nan) for name in ("cd_l1", "nc", "f1"))
-    cd_l1_floor, nc_floor, f1_floor = (scores.get(f"{name}_floor", math.nan) for name in ("cd_l1", "nc", "f1"))
-    ratios = [value / floor if floor > 0 else math.nan for value, floor in ((cd_l1, cd_l1_floor), (f1, f1_floor))]
-    return dict(zip(DERIVED, (ratios[0], nc - nc_floor, ratios[1]), strict=True))
+    derived: dict[str, float] = {}
+    for name, (metric, reference) in DERIVED.items():
+        a, b = scores.get(metric, math.nan), scores.get(reference, math.nan)
+        if math.isnan(a) or math.isnan(b):
+            derived[name] = math.nan
+        elif name.endswith("_right"):
+            derived[name] = float(a == b)
+        elif "_over_" in name:
+            derived[name] = a / b if b > 0 else math.nan
+        else:
+            derived[name] = a - b
+    return derived
 
 
 def _iou_last(column: str) -> int:

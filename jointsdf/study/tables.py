@@ -16,6 +16,7 @@ from jointsdf.study.gaps import find_gaps
 from jointsdf.study.groups import SUFFIX, Group, families, split
 from jointsdf.study.report import REPORT, report
 from jointsdf.study.table import Table
+from jointsdf.study.worst import worst
 
 FOLDER = "tables"
 ENDINGS = (".csv", ".tex")
@@ -34,6 +35,7 @@ def builders(paper: Path) -> dict[str, Builder]:
     return {
         "main_reconstruction": main_tables.main_reconstruction,
         "main_segmentation": main_tables.main_segmentation,
+        "worst": worst,
         "against_paper": partial(against_paper, paper=paper),
         "paired_reconstruction": pairs.paired_reconstruction,
         "paired_heads": pairs.paired_heads,
