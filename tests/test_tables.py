@@ -591,6 +591,19 @@ def test_the_command_writes_and_names_the_tables(
     assert "Traceback" not in capsys.readouterr().err
 
 
+def test_tables_of_some_heads_are_over_the_shapes_that_these_share(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write(tmp_path, *(make_row("siren", f"abc_000{k}", cd_l1=1.0) for k in range(3)), make_row("relu", "abc_0001"))
+    command = ["tables", str(tmp_path), "--results", str(tmp_path / "none")]
+    assert main([*command, "--heads", "siren"]) == 0
+    assert line(read(tmp_path, "main_reconstruction"), "siren")["n"] == 3
+    assert main(command) == 0
+    assert line(read(tmp_path, "main_reconstruction"), "siren")["n"] == 1
+    assert main([*command, "--heads", "siren,none"]) == 2
+    assert caplog.records[-1].getMessage() == "--heads siren,none: no row of 'none'; there are relu, siren"
+
+
 @pytest.mark.parametrize("folder", ["", "missing"])
 def test_no_rows_is_one_line_and_exit_code_2(tmp_path: Path, folder: str, caplog: pytest.LogCaptureFixture) -> None:
     assert main(["tables", str(tmp_path / folder), "--results", str(tmp_path / "none")]) == 2

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from jointsdf.results import ResultRow
 from jointsdf.study.collect import gather
 from jointsdf.study.committed import commit_rows
 from jointsdf.study.groups import SUFFIX
@@ -26,6 +27,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     stand = commands.add_parser("status", help="show how the runs of a study stand: a grid of heads by shapes")
     keep = commands.add_parser("results", help="write a study's rows to RESULTS/<study>/runs.csv, to be committed")
+    for command in (tables, report):
+        command.add_argument("--heads", help="of these heads alone, e.g. siren,hybrid: on the shapes that they share")
     for command in (stand, keep):
         command.add_argument("study", help="its name, e.g. main")
     for command in (tables, report, stand, keep):
@@ -40,7 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             path, count, problems = commit_rows(options.outputs / options.study, options.results)
             log.info("\n".join([*problems, f"{path}: {count} runs"]))
             return 0
-        written = write_tables(gather(options.outputs, options.results), options.outputs, options.results)
+        rows = of_heads(gather(options.outputs, options.results), options.heads)
+        written = write_tables(rows, options.outputs, options.results)
         if options.command == "report":
             written.append(compile_report(written[-1]))
         shown = [path for path in written if SUFFIX not in path.name]
@@ -51,6 +55,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
         log.error(error)
         return 2
     return 0
+
+
+def of_heads(rows: list[ResultRow], names: str | None) -> list[ResultRow]:
+    """The rows of some heads.
+
+    Args:
+        rows: At least one.
+        names: Heads with commas between; None for all.
+
+    Raises:
+        ValueError: A head has no row. One line, with the fix.
+    """
+    if names is None:
+        return rows
+    known = sorted({row.head for row in rows})
+    wanted = [name.strip() for name in names.split(",")]
+    if unknown := [name for name in wanted if name not in known]:
+        raise ValueError(f"--heads {names}: no row of {', '.join(unknown)!r}; there are {', '.join(known)}")
+    return [row for row in rows if row.head in wanted]
 
 
 def add_folders(command: argparse.ArgumentParser) -> None:
