@@ -114,6 +114,11 @@ def settings_of(cfg: DictConfig, shape: Shape) -> tuple[dict[str, Any], dict[str
     return settings, numbers
 
 
+def shared_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The part of the resolved config that all runs of one table share, whatever their head, shape and seed."""
+    return {key: value for key, value in run_folder.identity(settings).items() if key not in ("head", "shape", "seed")}
+
+
 def trunk_rate(cfg: DictConfig, shape: Shape) -> float:
     """Factor on the trunk's learning rates: the same points a step are spread thinner over a larger surface."""
     most = cfg.trainer.full_rate_area

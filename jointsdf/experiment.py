@@ -94,7 +94,8 @@ def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
             scores = measure(measures, shape, mesh, data.cloud.normalisation, kept)
         with watch("picture"):
             show(cfg, folder, shape, mesh, module.field, scores[cfg.evaluation.primary], report.resolution)
-        row = result_row(cfg, shape, report, module.field, mesh, scores, watch.seconds, config_hash(numbers), machine)
+        hashes = {"config_hash": config_hash(numbers), "settings_hash": config_hash(assembly.shared_settings(settings))}
+        row = result_row(cfg, shape, report, module.field, mesh, scores, watch.seconds, hashes, machine)
         write_row(folder, row)
         (folder / run_folder.CHECKPOINT).unlink(missing_ok=True)
         run_state.end(folder)
@@ -171,7 +172,7 @@ def result_row(
     mesh: LabelledMesh,
     scores: Scores,
     seconds: dict[str, float],
-    identity_hash: str,
+    hashes: dict[str, str],
     machine: dict[str, str | int],
 ) -> ResultRow:
     """The run as a row."""
@@ -198,7 +199,8 @@ def result_row(
         peak_memory_mb=peak_memory_mb(),
         scores=scores,
         provenance=provenance(
-            config_hash=identity_hash,
+            config_hash=hashes["config_hash"],
+            settings_hash=hashes["settings_hash"],
             **machine,
             mesh_sha256=shape.mesh_sha256,
             label_provider=shape.label_provider,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import extraction, overhead, step
+from benchmarks import extraction, overhead, quality, step
 from benchmarks.table import Row, interleaved, table
 
 
@@ -51,6 +51,20 @@ def test_extraction_and_overhead_give_rows():
     assert [row.unit for row in rows] == ["s", "s", "s", "GiB"]
     (row,) = overhead.rows(steps=4, repetitions=1)
     assert row.ratio == pytest.approx(row.ours / row.theirs - 1)
+
+
+def test_quality_gives_seconds_memory_and_scores_and_claims_nothing_of_smaller_runs():
+    small = ("data.pool_size=2000", "data.cloud_size=2000", "data.border_points=2000", "trainer.max_steps=2")
+    counts = [f"data.counts.{name}=50" for name in ("manifold", "non_manifold", "shell", "pool")]
+    rows = quality.rows(("part_01",), prefix=2, overrides=(*small, *counts, "extraction.resolution=24"))
+    assert [row.what for row in rows if row.against == "allowed seconds"] == ["fast, part_01"]
+    assert [row.what for row in rows if row.against == "its floor"] == [
+        "fast, part_01: cd_l1",
+        "points, part_01: cd_l1",
+    ]
+    assert {row.target for row in rows} == {None}
+    memory = rows[0]
+    assert memory.ratio == pytest.approx(memory.ours / quality.GIB)
 
 
 def test_the_summary_counts_the_targets():

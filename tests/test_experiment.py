@@ -315,6 +315,15 @@ def test_measured_again_it_gives_the_same_numbers():
     assert printed["unit", "cd_l1"] == f"{scores['unit']['cd_l1']:.6f}"
 
 
+def test_settings_have_one_hash_whatever_the_shape_and_head(tmp_path):
+    hashes = {}
+    for name, settings in {"a": ["head=siren"], "b": ["head=none", "seed=3"], "c": ["data.label_fraction=0.5"]}.items():
+        assert train(tmp_path / name, *settings).code == 0
+        (path,) = (tmp_path / name).rglob("result.json")
+        hashes[name] = json.loads(path.read_text())["provenance"]["settings_hash"]
+    assert hashes["a"] == hashes["b"] != hashes["c"]
+
+
 def test_measured_again_it_multiplies_matrices_as_the_run_did(monkeypatch):
     asked: list[str] = []
     monkeypatch.setattr(experiment, "choose_matmul", asked.append)

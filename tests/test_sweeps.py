@@ -106,8 +106,9 @@ def test_a_stored_sweep_makes_the_runs_that_it_says(tmp_path, composed, name) ->
 
 def test_the_borders_of_the_recipe_are_one_side_of_the_comparison(tmp_path, composed) -> None:
     """So that `main` has that side already."""
-    call("train.py", "sweeps=boundaries", "shape=part_02", "head=siren", f"paths.outputs={tmp_path}")
-    call("train.py", "sweeps=main", "shape=part_02", "head=siren", "paths.abc_missing=fallback")
+    run = ("shape=part_02", "head=siren", f"paths.outputs={tmp_path}")
+    call("train.py", "sweeps=boundaries", *run)
+    call("train.py", "sweeps=main", "paths.abc_missing=fallback", *run)
     plain, balanced, default = ((cfg.data.counts.balanced, cfg.data.counts.borders) for cfg in composed)
     assert plain == (0.0, 0.0)
     assert balanced == default

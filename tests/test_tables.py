@@ -78,6 +78,15 @@ def test_collect_gives_one_line_per_run_and_protocol() -> None:
     assert columns.index("nc") < columns.index("iou_9") < columns.index("iou_10") < columns.index("seconds_fit")
 
 
+def test_a_mesh_without_labels_has_no_right_number_of_parts() -> None:
+    counts = {"parts_pred": 0.0, "parts_gt": 3.0, "components": 1.0, "components_gt": 1.0}
+    rows = [make_row("none", miou=NAN, **counts), make_row("siren", miou=0.0, **counts)]
+    table = collect(rows).set_index("head")
+    assert math.isnan(table.loc["none", "parts_right"])
+    assert table.loc["siren", "parts_right"] == 0
+    assert table["pieces_right"].tolist() == [1, 1]
+
+
 def test_a_run_without_scores_keeps_its_line() -> None:
     row = ResultRow(**{**vars(make_row(status="empty_mesh")), "scores": {}})
     table = collect([row])
@@ -232,10 +241,48 @@ def test_no_common_shape_is_said_not_averaged(tmp_path: Path, caplog: pytest.Log
     assert r"abc\_0001 (no siren); abc\_0002 (no relu)" in tex(tmp_path, "main_reconstruction")
 
 
-def test_a_changed_ground_truth_is_named(tmp_path: Path) -> None:
-    write(tmp_path, make_row("relu", nc=0.5, sha="old"), make_row("siren", nc=0.5, sha="new"))
+@pytest.mark.parametrize("change", [{"sha": "new"}, {"provider": "brep:as-is"}, {"parts": 3}])
+def test_any_change_of_the_ground_truth_is_named(tmp_path: Path, change: dict[str, str]) -> None:
+    write(tmp_path, make_row("relu", nc=0.5), make_row("siren", nc=0.5, **change))  # type: ignore[arg-type]
     make_tables(tmp_path)
     assert r"Ground truth changed between the runs of: abc\_0001." in tex(tmp_path, "main_reconstruction")
+
+
+def test_settings_that_changed_under_one_name_are_named(tmp_path: Path) -> None:
+    rows = [make_row("relu", "abc_0001", nc=0.5), make_row("siren", "abc_0001", nc=0.5)]
+    for row, settings in zip(rows, ("old", "new"), strict=True):
+        row.provenance["settings_hash"] = settings
+    write(tmp_path, *rows, make_row("relu", "abc_0002", nc=0.5), make_row("siren", "abc_0002", nc=0.5))
+    make_tables(tmp_path)
+    assert "Settings changed between the runs: 2 kinds are mixed here." in tex(tmp_path, "main_reconstruction")
+    rows[1].provenance["settings_hash"] = "old"
+    write(tmp_path, *rows)
+    make_tables(tmp_path)
+    assert "Settings changed" not in tex(tmp_path, "main_reconstruction")
+
+
+def test_a_head_without_any_result_is_named(tmp_path: Path) -> None:
+    folders = [tmp_path / "fast" / "base" / head / "abc_0001" / "seed0" for head in ("relu", "siren")]
+    run_state.plan(tmp_path / "fast", folders)
+    write_row(folders[0], make_row("relu", "abc_0001", nc=0.5))
+    (folders[1]).mkdir(parents=True)
+    (folders[1] / "result.json").write_text("{")
+    make_tables(tmp_path)
+    assert r"siren on abc\_0001 (seed0, its result cannot be read)." in tex(tmp_path, "main_reconstruction")
+    assert main(["tables", str(tmp_path), "--results", str(tmp_path / "none"), "--heads", "relu"]) == 0
+    assert "siren" not in tex(tmp_path, "main_reconstruction")
+
+
+def test_a_changed_mesh_of_the_baseline_is_named(tmp_path: Path) -> None:
+    write(tmp_path, make_row("none", nc=0.5, sha="old"), make_row("relu", nc=0.5, sha="new"))
+    make_tables(tmp_path)
+    assert r"Ground truth changed between the runs of: abc\_0001." in tex(tmp_path, "paired_reconstruction")
+
+
+def test_a_long_list_is_cut_short(tmp_path: Path) -> None:
+    write(tmp_path, *(make_row("siren", f"abc_{k:04d}", nc=0.5) for k in range(30)), make_row("relu", "abc_0000"))
+    make_tables(tmp_path)
+    assert r"abc\_0012 (no relu) and 17 more." in tex(tmp_path, "main_reconstruction")
 
 
 # -- the other tables
@@ -347,19 +394,21 @@ def test_variants_are_compared_with_the_first_on_the_shapes_of_all(tmp_path: Pat
             make_row(head, n, study="tap", variant=variant, nc=float(k + offset * (k + 1))) for k, n in enumerate(names)
         ]
 
-    write(tmp_path, *runs("tap=1", 0, 4), *runs("tap=2", 0.5, 3), *runs("tap=3", -1, 4), *runs("tap=3", 9, 4, "relu"))
+    write(tmp_path, *runs("tap=2", 0, 4), *runs("tap=3", 0.5, 3), *runs("tap=10", -1, 4), *runs("tap=11", 9, 4, "relu"))
     make_tables(tmp_path)
     name = "variants--tap-fast-abc-brep-unit"
     table = read(tmp_path, name).set_index(["metric", "head"]).loc["nc"]
-    assert list(table.index) == ["siren, tap=1", "siren, tap=2", "siren, tap=3"]  # relu has one variant alone
+    assert list(table.index) == ["siren (tap=2)", "siren (tap=3)", "siren (tap=10)"]  # relu has one variant alone
     assert table["mean"].tolist() == pytest.approx([1, 2, -1])
     assert table["delta"].tolist()[1:] == pytest.approx([1, -2])
     test = stats.ttest_rel([0.5, 2, 3.5], [0, 1, 2])
-    assert table.loc["siren, tap=2", ["pairs", "p_t"]].tolist() == pytest.approx([3, test.pvalue])
-    assert table.loc["siren, tap=2", "p_t_holm"] == pytest.approx(2 * test.pvalue)
+    assert table.loc["siren (tap=3)", ["pairs", "p_t"]].tolist() == pytest.approx([3, test.pvalue])
+    assert table.loc["siren (tap=3)", "p_t_holm"] == pytest.approx(2 * test.pvalue)
     text = tex(tmp_path, name)
-    assert "variant tap=1; tap=2; tap=3" in text.replace("\\_", "_")
-    assert r"Left out: abc\_0003 (no siren, tap=2)." in text
+    assert table["against"].dropna().unique().tolist() == ["siren (tap=2)"]
+    assert "variant tap=2; tap=3; tap=10, ABC" in text
+    assert "Each variant minus siren (tap=2) on the same 3 shapes" in text
+    assert r"Left out: abc\_0003 (no siren (tap=3))." in text
     assert rf"\input{{{name}.tex}}" in (tmp_path / "tables" / "report.tex").read_text()
 
 
@@ -373,13 +422,16 @@ def test_variants_gone_since_take_their_table_along(tmp_path: Path) -> None:
 
 
 def test_spread_of_seeds_is_pooled_over_the_shapes_with_several(tmp_path: Path) -> None:
-    seeds = {"abc_0001": (0.5, 0.7), "abc_0002": (0.1, 0.2, 0.6), "abc_0003": (9.0,)}
-    write(tmp_path, *(make_row("siren", s, k, miou=v) for s, line in seeds.items() for k, v in enumerate(line)))
+    seeds = {"abc_0001": (0.5, 0.7), "abc_0002": (0.1, 0.2, 0.6), "abc_0003": (9.0,), "abc_0004": (0.5, NAN)}
+    rows = [make_row("siren", s, k, miou=v) for s, line in seeds.items() for k, v in enumerate(line)]
+    write(tmp_path, *rows, make_row("relu", "abc_0005", 0, miou=0.5), make_row("relu", "abc_0005", 1, miou=0.5))
     make_tables(tmp_path)
+    assert line(read(tmp_path, "seeds"), "relu")["miou_std"] == 0
+    assert "2 to 3 seeds." in tex(tmp_path, "seeds")
     found = line(read(tmp_path, "seeds"), "siren")
     squares = [np.var(values, ddof=1) * (len(values) - 1) for values in (seeds["abc_0001"], seeds["abc_0002"])]
     assert found["miou_std"] == pytest.approx(math.sqrt(sum(squares) / 3))
-    assert (found["n"], found["seeds"]) == (2, 3)
+    assert (found["miou_n"], found["nc_n"]) == (2, 0)
     assert math.isnan(found["nc_std"])
 
 
@@ -495,9 +547,10 @@ def test_the_report_compiles_with_every_table(eight: Path) -> None:
         assert path.name == "report.tex" or rf"\input{{{path.name}}}" in text
 
 
-def test_no_tex_is_one_line(eight: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+def test_no_tex_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    write(tmp_path, make_row(cd_l1=1.0))
     monkeypatch.setenv("PATH", "")
-    assert main(["report", str(eight), "--results", str(eight / "none")]) == 2
+    assert main(["report", str(tmp_path), "--results", str(tmp_path / "none")]) == 2
     assert "report.tex is written, its PDF is not: no TeX found" in caplog.records[-1].getMessage()
 
 
@@ -554,7 +607,7 @@ def test_the_default_group_is_protocol_unit_however_few_its_rows(tmp_path: Path)
 def test_the_baseline_alone_has_tables_of_reconstruction_only(tmp_path: Path) -> None:
     write(tmp_path, make_row("none", cd_l1=1.0, miou=NAN))
     made = {path.name for path in make_tables(tmp_path)}
-    names = {f"{name}.{ending}" for name in ("main_reconstruction", "worst", "cost") for ending in ("csv", "tex")}
+    names = {f"{name}.{ending}" for name in ("main_reconstruction", "cost") for ending in ("csv", "tex")}
     assert made == names | {"runs.csv", "report.tex"}
 
 
@@ -601,7 +654,7 @@ def test_tables_of_some_heads_are_over_the_shapes_that_these_share(
     assert main(command) == 0
     assert line(read(tmp_path, "main_reconstruction"), "siren")["n"] == 1
     assert main([*command, "--heads", "siren,none"]) == 2
-    assert caplog.records[-1].getMessage() == "--heads siren,none: no row of 'none'; there are relu, siren"
+    assert caplog.records[-1].getMessage() == "heads: no row of 'none'; there are rows of relu, siren"
 
 
 @pytest.mark.parametrize("folder", ["", "missing"])

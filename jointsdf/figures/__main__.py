@@ -3,12 +3,12 @@
 import argparse
 import logging
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 from jointsdf.figures.pictures import failures, triptychs
 from jointsdf.results import ResultRow
-from jointsdf.study.__main__ import add_folders
+from jointsdf.study.__main__ import add_folders, add_heads
 from jointsdf.study.collect import collect, gather
 from jointsdf.study.csv_rows import DEFAULT_PROTOCOL
 from jointsdf.study.curves import loss_curves
@@ -27,11 +27,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit code, 2 for what the user can mend."""
     parser = argparse.ArgumentParser(prog="python -m jointsdf.figures", description="Figures of the runs.")
     add_folders(parser)
+    add_heads(parser)
     options = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     logging.getLogger("fontTools").setLevel(logging.WARNING)
     try:
-        for path in write_figures(gather(options.outputs, options.results), options.outputs):
+        rows = gather(options.outputs, options.results, options.heads)
+        for path in write_figures(rows, options.outputs, options.heads):
             log.info(path)
     except (ValueError, OSError) as error:
         log.error(error)
@@ -39,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def write_figures(rows: Sequence[ResultRow], outputs: Path) -> list[Path]:
+def write_figures(rows: Sequence[ResultRow], outputs: Path, heads: Collection[str] | None = None) -> list[Path]:
     """Write every figure of every group of at least two runs; delete the figures of groups gone since.
 
     A figure that needs what lies in run folders is made from those there are; what is missing is logged, a line each.
@@ -47,13 +49,14 @@ def write_figures(rows: Sequence[ResultRow], outputs: Path) -> list[Path]:
     Args:
         rows: Of the runs.
         outputs: Folder of the studies; the figures go to its `figures/`.
+        heads: Those that the rows were chosen by; None for all.
 
     Raises:
         OSError: The folder cannot be written.
     """
     folder = outputs / FIGURES
     written: list[Path] = []
-    for group in split(collect(rows), find_gaps(outputs, rows)):
+    for group in split(collect(rows), find_gaps(outputs, rows, heads)):
         if len(group.runs) > 1:
             for name, drawing in _drawings(group, outputs):
                 written += write_drawing(drawing, folder / (name + group.suffix))

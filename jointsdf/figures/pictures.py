@@ -52,6 +52,9 @@ def triptychs(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
     for shape in chosen:
         here = comparison.runs[comparison.runs["shape"] == shape].sort_values("seed")
         runs = [here[here["head"] == head].iloc[0] for head in heads]
+        if empty := [run["head"] for run in runs if run["status"] != "ok"]:
+            missing.append(f"{shape}: no mesh from {', '.join(empty)}")
+            continue
         try:
             pairs = [load_pair(run_folder(outputs, run)) for run in runs]
         except InputError as error:
@@ -79,11 +82,12 @@ def failures(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
         The figure, None where nothing can be shown; and a line for each run that cannot.
     """
     comparison = compare(group, baseline=False)
+    runs = comparison.runs[comparison.runs["status"] == "ok"]
     rows, missing = [], []
     for column, (name, largest) in CRITERIA.items():
-        if column not in comparison.runs or comparison.runs[column].isna().all():
+        if column not in runs or runs[column].isna().all():
             continue
-        run = comparison.runs.sort_values(column, ascending=not largest, kind="stable").iloc[0]
+        run = runs.sort_values(column, ascending=not largest, kind="stable").iloc[0]
         try:
             pair = load_pair(run_folder(outputs, run))
         except InputError as error:

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from jointsdf.results import ResultRow
 from jointsdf.study.collect import gather
 from jointsdf.study.committed import commit_rows
 from jointsdf.study.groups import SUFFIX
@@ -28,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     stand = commands.add_parser("status", help="show how the runs of a study stand: a grid of heads by shapes")
     keep = commands.add_parser("results", help="write a study's rows to RESULTS/<study>/runs.csv, to be committed")
     for command in (tables, report):
-        command.add_argument("--heads", help="of these heads alone, e.g. siren,hybrid: on the shapes that they share")
+        add_heads(command)
     for command in (stand, keep):
         command.add_argument("study", help="its name, e.g. main")
     for command in (tables, report, stand, keep):
@@ -43,8 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             path, count, problems = commit_rows(options.outputs / options.study, options.results)
             log.info("\n".join([*problems, f"{path}: {count} runs"]))
             return 0
-        rows = of_heads(gather(options.outputs, options.results), options.heads)
-        written = write_tables(rows, options.outputs, options.results)
+        rows = gather(options.outputs, options.results, options.heads)
+        written = write_tables(rows, options.outputs, options.results, options.heads)
         if options.command == "report":
             written.append(compile_report(written[-1]))
         shown = [path for path in written if SUFFIX not in path.name]
@@ -57,23 +56,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def of_heads(rows: list[ResultRow], names: str | None) -> list[ResultRow]:
-    """The rows of some heads.
-
-    Args:
-        rows: At least one.
-        names: Heads with commas between; None for all.
-
-    Raises:
-        ValueError: A head has no row. One line, with the fix.
-    """
-    if names is None:
-        return rows
-    known = sorted({row.head for row in rows})
-    wanted = [name.strip() for name in names.split(",")]
-    if unknown := [name for name in wanted if name not in known]:
-        raise ValueError(f"--heads {names}: no row of {', '.join(unknown)!r}; there are {', '.join(known)}")
-    return [row for row in rows if row.head in wanted]
+def add_heads(command: argparse.ArgumentParser) -> None:
+    """The heads that are looked at."""
+    command.add_argument(
+        "--heads",
+        type=lambda text: [name.strip() for name in text.split(",")],
+        help="these alone, e.g. siren,hybrid: on the shapes that they share",
+    )
 
 
 def add_folders(command: argparse.ArgumentParser) -> None:

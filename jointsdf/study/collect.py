@@ -1,7 +1,7 @@
 """Result rows -> one table in memory: one line per run and evaluation protocol."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -17,15 +17,16 @@ def collect(rows: Sequence[ResultRow]) -> pd.DataFrame:
     return pd.DataFrame(records(rows))
 
 
-def gather(outputs: Path, results: Path) -> list[ResultRow]:
+def gather(outputs: Path, results: Path, heads: Collection[str] | None = None) -> list[ResultRow]:
     """The rows of all runs below a folder, and the committed ones of runs that are not there; problems are logged.
 
     Args:
         outputs: Folder of the runs.
         results: Folder of the committed studies; a missing one holds none.
+        heads: Those whose rows are wanted; None for all.
 
     Raises:
-        ValueError: There is no readable row. One line, with the fix.
+        ValueError: There is no readable row, or none of a head. One line, with the fix.
     """
     rows, problems = read_rows(outputs)
     committed, more = read_committed(results)
@@ -35,7 +36,10 @@ def gather(outputs: Path, results: Path) -> list[ResultRow]:
     rows += [row for row in committed if identity(row) not in here]
     if not rows:
         raise ValueError(f"{outputs}: no result rows below it; make one with `python train.py`, or name another folder")
-    return rows
+    known = sorted({row.head for row in rows})
+    if unknown := [name for name in heads or [] if name not in known]:
+        raise ValueError(f"heads: no row of {', '.join(unknown)!r}; there are rows of {', '.join(known)}")
+    return rows if heads is None else [row for row in rows if row.head in heads]
 
 
 def identity(row: ResultRow) -> tuple[str, ...]:

@@ -146,6 +146,8 @@ def _derived(scores: Mapping[str, float]) -> dict[str, float]:
     derived: dict[str, float] = {}
     for name, (metric, reference) in DERIVED.items():
         a, b = scores.get(metric, math.nan), scores.get(reference, math.nan)
+        if name == "parts_right" and math.isnan(scores.get("miou", math.nan)):
+            a = math.nan  # a mesh without labels, of the baseline, has no parts to be right
         if math.isnan(a) or math.isnan(b):
             derived[name] = math.nan
         elif name.endswith("_right"):

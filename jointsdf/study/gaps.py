@@ -1,6 +1,6 @@
 """The runs that a study wants and does not have: failed, stopped half-way, or never begun."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,12 +31,13 @@ class Gap:
     reason: str
 
 
-def find_gaps(outputs: Path, rows: Iterable[ResultRow]) -> list[Gap]:
+def find_gaps(outputs: Path, rows: Iterable[ResultRow], heads: Collection[str] | None = None) -> list[Gap]:
     """Every run that the sweeps below a folder want and that has no row.
 
     Args:
         outputs: Folder of the studies.
         rows: The rows there are, wherever they lie.
+        heads: Those that count; None for all.
     """
     there = {(row.study, row.variant, row.head, row.shape, f"seed{row.seed}") for row in rows}
     gaps = []
@@ -45,12 +46,18 @@ def find_gaps(outputs: Path, rows: Iterable[ResultRow]) -> list[Gap]:
             run = (plan.parent.name, *folder.relative_to(plan.parent).parts)
             if len(run) == 5 and run not in there:
                 found = state(folder)
-                gaps.append(Gap(*run, reason=f"failed: {found.error}" if found.kind == "failed" else found.kind))
-    return gaps
+                reason = {"failed": f"failed: {found.error}", "done": "its result cannot be read"}
+                gaps.append(Gap(*run, reason=reason.get(found.kind, found.kind)))
+    return [gap for gap in gaps if heads is None or gap.head in heads]
 
 
 def listed(gaps: Iterable[Gap]) -> str:
     """A sentence for a caption; empty for none."""
     names = [f"{gap.head} on {gap.shape} ({gap.seed}, {gap.reason})" for gap in gaps]
-    rest = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return f"Wanted runs without a result: {', '.join(names[:SHOWN])}{rest}." if names else ""
+    return f"Wanted runs without a result: {shortened(names)}." if names else ""
+
+
+def shortened(names: Sequence[str], between: str = ", ", shown: int = SHOWN) -> str:
+    """The first names, and how many more there are."""
+    rest = f" and {len(names) - shown} more" if len(names) > shown else ""
+    return between.join(names[:shown]) + rest

@@ -1,5 +1,6 @@
 """Which runs may share a table: same study, recipe, variant, source of shapes, kind of labels, protocol."""
 
+import math
 import re
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
@@ -44,11 +45,11 @@ class Group:
 
 @dataclass(frozen=True)
 class Family:
-    """The variants of a study, e.g. of an ablation, as one group whose "heads" are `<head>, <variant>`.
+    """The variants of a study, e.g. of an ablation, as one group whose "heads" are `<head> (<variant>)`.
 
     Attributes:
         group: Their runs; the suffix leaves the variant out.
-        pairs: Each variant but the first, and the first, of the same head.
+        pairs: Each variant but the first, numbers by their size, and the first, of the same head.
     """
 
     group: Group
@@ -113,7 +114,7 @@ def families(groups: Sequence[Group]) -> list[Family]:
         by_key.setdefault(tuple(value for name, value in group.key.items() if name != "variant"), []).append(group)
     families = []
     for key, members in by_key.items():
-        members.sort(key=lambda group: group.key["variant"])
+        members.sort(key=lambda group: natural(group.key["variant"]))
         variants_of: dict[str, list[str]] = {}
         for group in members:
             for head in sorted(set(group.runs["head"]) - {BASELINE}):
@@ -135,7 +136,7 @@ def compare(group: Group, *, baseline: bool) -> Comparison:
     """
     runs = group.runs if baseline else group.runs[group.runs["head"] != BASELINE]
     shapes, dropped = common_shapes(runs)
-    heads = sorted(set(runs["head"]), key=lambda head: (head not in HEAD_ORDER, _place(head), head))
+    heads = sorted(set(runs["head"]), key=lambda head: (head not in HEAD_ORDER, _place(head), natural(head)))
     return Comparison(group, heads, shapes, dropped, runs[runs["shape"].isin(shapes)])
 
 
@@ -144,8 +145,14 @@ def with_borrowed_baseline(group: Group) -> Group:
     return group if group.borrowed.empty else replace(group, runs=pd.concat([group.runs, group.borrowed]))
 
 
+def natural(text: str) -> list[tuple[float, str]]:
+    """Key to sort by: numbers in a text count by their size."""
+    parts = re.split(r"(\d+(?:\.\d+)?)", text)
+    return [(float(part), "") if place % 2 else (math.inf, part) for place, part in enumerate(parts)]
+
+
 def _arm(head: str, variant: str) -> str:
-    return f"{head}, {variant}"
+    return f"{head} ({variant})"
 
 
 def _joined(key: tuple[str, ...], members: Sequence[Group], arms: Set[str]) -> Group:
@@ -153,8 +160,9 @@ def _joined(key: tuple[str, ...], members: Sequence[Group], arms: Set[str]) -> G
     runs = pd.concat([group.runs for group in members])
     runs = runs.assign(head=[_arm(head, variant) for head, variant in zip(runs["head"], runs["variant"], strict=True)])
     gaps = [replace(gap, head=_arm(gap.head, gap.variant)) for group in members for gap in group.gaps]
-    named = members[0].key | {"variant": "; ".join(group.key["variant"] for group in members)}
-    return Group(named, SUFFIX + _words(key), runs[runs["head"].isin(arms)], runs[:0], gaps)
+    runs = runs[runs["head"].isin(arms)]
+    named = members[0].key | {"variant": "; ".join(runs["variant"].unique())}
+    return Group(named, SUFFIX + _words(key), runs, runs[:0], gaps)
 
 
 def _gaps_of(key: tuple[str, ...], gaps: Sequence[Gap]) -> list[Gap]:
@@ -168,9 +176,9 @@ def _borrowed(part: pd.DataFrame, baseline: pd.DataFrame) -> pd.DataFrame:
     usable = baseline[baseline["study"] != part["study"].iloc[0]]
     if (part["head"] == BASELINE).any():
         return usable[:0]
-    usable = usable[usable["shape"].isin(part["shape"])]
-    for name in same:
-        usable = usable[usable[name].isin(part[name].unique())]
+    wanted = set(part[["shape", *same]].itertuples(index=False, name=None))
+    offered = usable[["shape", *same]].itertuples(index=False, name=None)
+    usable = usable[pd.Series([run in wanted for run in offered], index=usable.index, dtype=bool)]
     studies = usable.groupby("study")["shape"].nunique()
     return usable if studies.empty else usable[usable["study"] == studies.idxmax()]
 

@@ -1,12 +1,12 @@
 """The tables with a line per head: reconstruction, segmentation, IoU of each part, part counts, seeds, cost."""
 
-import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import pandas as pd
 
-from jointsdf.study.captions import measured_on
+from jointsdf.study.captions import SEVERAL, measured_on
 from jointsdf.study.columns import BY_PART_COUNT, CONTRASTED, COST, RECONSTRUCTION, SEGMENTATION, Column
 from jointsdf.study.csv_rows import IOU
 from jointsdf.study.groups import Comparison, Group, compare
@@ -45,8 +45,10 @@ def main_segmentation(group: Group, label: str) -> Table | None:
 def cost(group: Group, label: str) -> Table | None:
     """Seconds of each stage, peak memory and size, a line per head."""
     comparison = compare(group, baseline=True)
-    what = f"Cost in seconds and MiB, {MEAN}. {measured_on(comparison.runs)}"
-    return _by_head(what, comparison, COST, {}, label)
+    origin = measured_on(comparison.runs)
+    what = f"Cost in seconds and MiB, {MEAN}. {origin}"
+    columns = [replace(column, goal="none") for column in COST] if origin.startswith(SEVERAL) else COST
+    return _by_head(what, comparison, columns, {}, label)
 
 
 def per_part_iou(group: Group, label: str) -> Table | None:
@@ -104,28 +106,24 @@ def part_count(group: Group, label: str) -> Table | None:
 
 def seeds(group: Group, label: str) -> Table | None:
     """How far runs of one head and shape lie apart that differ in their seed. None where none has two."""
-    comparison = compare(group, baseline=True)
-    text: dict[str, list[str]] = {name: [] for name in ("Head", "$N$", "Seeds")}
-    text |= {column.header: [] for column in CONTRASTED}
+    counts = group.runs.groupby(["head", "shape"])["seed"].transform("nunique")
+    runs = group.runs[counts > 1]
+    common = compare(replace(group, runs=runs), baseline=True)
+    repeated = replace(common, runs=runs, shapes=sorted(set(runs["shape"])), dropped={})  # heads are not compared
+    text: dict[str, list[str]] = {name: [] for name in ("Head", *(column.header for column in CONTRASTED))}
     numbers: list[dict[str, Any]] = []
-    for head in comparison.heads:
-        runs = comparison.of(head)
-        counts = runs.groupby("shape")["seed"].nunique()
-        repeated = runs[runs["shape"].isin(counts[counts > 1].index)]
-        if repeated.empty:
-            continue
-        found = {column: pooled_deviation(repeated, column.metric) for column in CONTRASTED}
-        shapes, most = repeated["shape"].nunique(), int(counts.max())
-        for header, content in zip(text, (escape(head), str(shapes), str(most)), strict=False):
-            text[header].append(content)
-        for column, value in found.items():
-            text[column.header].append(MISSING if math.isnan(value) else f"{value:.{column.digits + 1}f}")
-        numbers.append({"head": head, "n": shapes, "seeds": most} | {f"{c.metric}_std": v for c, v in found.items()})
+    for head in repeated.heads:
+        text["Head"].append(escape(head))
+        numbers.append({"head": head})
+        for column in CONTRASTED:
+            n, deviation = pooled_deviation(repeated.of(head), column.metric)
+            numbers[-1] |= {f"{column.metric}_std": deviation, f"{column.metric}_n": n}
+            text[column.header].append(f"{deviation:.{column.digits + 1}f} ({n})" if n else MISSING)
     what = (
         "What chance alone changes: standard deviation over the seeds of one shape, pooled over the shapes that were "
-        "run with several (N)"
+        "run with several (in brackets, how many)"
     )
-    return finished(comparison, numbers, text, what, label) if numbers else None
+    return finished(repeated, numbers, text, what, label, averaged=False) if numbers else None
 
 
 def _by_head(

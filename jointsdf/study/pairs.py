@@ -1,4 +1,4 @@
-"""Paired tests on the same shapes: heads against the baseline, heads against heads, variants against the first one."""
+"""Paired tests on the same shapes: heads against the baseline, heads against heads, variants of a study."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,8 +8,8 @@ from typing import Any
 from jointsdf.study.columns import CONTRASTED, PAIRED, Column
 from jointsdf.study.groups import BASELINE, Comparison, Family, Group, compare, with_borrowed_baseline
 from jointsdf.study.latex import MISSING, cell, escape, number, p_value
-from jointsdf.study.statistics import Paired, holm, paired, per_shape, summarise
-from jointsdf.study.table import Line, Table, in_blocks
+from jointsdf.study.statistics import Paired, holm, paired, summarise
+from jointsdf.study.table import Line, Table, in_blocks, values_by_head
 
 TESTS = (
     "mean difference with its 95% confidence interval (Student's t), two-sided p of the paired t-test and of "
@@ -43,11 +43,12 @@ def paired_heads(group: Group, label: str) -> Table | None:
 
 
 def variants(family: Family, label: str) -> Table:
-    """Each variant of a study minus its first one, for each head."""
+    """Each variant of a study minus one of them, for each head."""
     comparison = compare(family.group, baseline=False)
+    references = ", ".join(dict.fromkeys(reference for _, reference in family.pairs))
     lines = [line for column in CONTRASTED for line in _lines_with_means(comparison, column, family.pairs)]
     what = (
-        f"Each variant minus the first one on the same {len(comparison.shapes)} shapes: mean ± sample standard "
+        f"Each variant minus {references} on the same {len(comparison.shapes)} shapes: mean ± sample standard "
         f"deviation, {TESTS}"
     )
     return in_blocks(comparison, lines, what, label, len(comparison.heads))
@@ -55,8 +56,9 @@ def variants(family: Family, label: str) -> Table:
 
 def _lines_with_means(comparison: Comparison, column: Column, pairs: Pairs) -> list[Line]:
     """A line per head with its mean, and the difference for those that are compared with another one."""
-    values = _values(comparison, column)
+    values = values_by_head(comparison, column.metric)
     tests = dict(zip((first for first, _ in pairs), _tests(values, pairs), strict=True))
+    against = dict(pairs)
     out_of = len(comparison.shapes)
     lines: list[Line] = []
     for head in comparison.heads:
@@ -65,13 +67,14 @@ def _lines_with_means(comparison: Comparison, column: Column, pairs: Pairs) -> l
         numbers |= {"mean": summary.mean, "std": summary.std}
         cells = {"Metric": column.header if head == comparison.heads[0] else "", "Head": escape(head)}
         cells[r"mean $\pm$ std"] = cell(summary, digits=column.digits, out_of=out_of, bold=False)
+        numbers |= {"against": against[head]} if head in against else {}
         lines.append((numbers | _numbers(tests.get(head)), cells | _cells(tests.get(head), column, out_of)))
     return lines
 
 
 def _lines_of_differences(comparison: Comparison, column: Column, pairs: Pairs) -> list[Line]:
     """A line per difference."""
-    tests = _tests(_values(comparison, column), pairs)
+    tests = _tests(values_by_head(comparison, column.metric), pairs)
     lines: list[Line] = []
     for place, ((head, against), test) in enumerate(zip(pairs, tests, strict=True)):
         cells = {"Metric": "" if place else column.header, "Heads": rf"{escape(head)} $-$ {escape(against)}"}
@@ -83,10 +86,6 @@ def _lines_of_differences(comparison: Comparison, column: Column, pairs: Pairs) 
 Tested = tuple[Paired, tuple[float, ...]]  # and its p values: t, t after Holm, Wilcoxon, Wilcoxon after Holm
 P_NAMES = ("p_t", "p_t_holm", "p_wilcoxon", "p_wilcoxon_holm")
 P_HEADERS = ("$p_t$", "$p_t$ (Holm)", "$p_W$", "$p_W$ (Holm)")
-
-
-def _values(comparison: Comparison, column: Column) -> dict[str, dict[str, float]]:
-    return {head: per_shape(comparison.of(head), column.metric) for head in comparison.heads}
 
 
 def _tests(values: Mapping[str, Mapping[str, float]], pairs: Pairs) -> list[Tested]:

@@ -8,7 +8,7 @@ from jointsdf.study.columns import EXACT, PAPER, Column, Relation
 from jointsdf.study.groups import Comparison, Group, compare
 from jointsdf.study.latex import MISSING, cell, escape, number, p_value
 from jointsdf.study.statistics import Correlation, outer_quarters, pearson, per_shape, summarise
-from jointsdf.study.table import Table, finished
+from jointsdf.study.table import Table, finished, values_by_head
 
 OVERALL, BEST = "overall", "best"
 
@@ -33,32 +33,26 @@ def quartiles_exact(group: Group, label: str) -> Table | None:
     return _quartiles(compare(group, baseline=False), EXACT, EXACT.reconstruction, label)
 
 
-def values(comparison: Comparison, metric: str) -> dict[str, dict[str, float]]:
-    """Head -> shape -> value, seeds averaged."""
-    return {head: per_shape(comparison.of(head), metric) for head in comparison.heads}
-
-
 def _correlation(comparison: Comparison, relation: Relation, label: str) -> Table | None:
     text: dict[str, list[str]] = {"": []}
     numbers: list[dict[str, Any]] = []
     text |= {name: [] for name in (OVERALL, *map(escape, comparison.heads))}
     for x in relation.reconstruction:
         for y in relation.segmentation:
-            found = _correlations(values(comparison, x.metric), values(comparison, y.metric))
+            found = _correlations(values_by_head(comparison, x.metric), values_by_head(comparison, y.metric))
             text[""].append(rf"{x.name} $\leftrightarrow$ {y.name}")
             for head, item in found.items():
-                text[escape(head)].append(_correlation_cell(item))
+                pairs = len(comparison.shapes) * (len(comparison.heads) if head == OVERALL else 1)
+                text[escape(head)].append(_correlation_cell(item, pairs))
                 numbers.append(
                     {"reconstruction": x.metric, "segmentation": y.metric, "head": head}
                     | {"n": item.n, "r": item.r, "p": item.p}
                 )
     if all(math.isnan(line["r"]) for line in numbers):
         return None
-    counts = {line["head"]: line["n"] for line in numbers}
     what = (
         f"Pearson correlation r (two-sided p) over the {len(comparison.shapes)} shapes that every head was run on. "
-        f"{OVERALL.capitalize()}: all heads' shapes together ({counts[OVERALL]} pairs), which are not independent: "
-        "its p is too small"
+        f"{OVERALL.capitalize()}: all heads' shapes together, which are not independent: its p is too small"
     )
     gaps = range(len(relation.segmentation) - 1, len(text[""]), len(relation.segmentation))
     return finished(comparison, numbers, text, what, label, blocks=gaps)
@@ -70,16 +64,17 @@ def _correlations(x: dict[str, dict[str, float]], y: dict[str, dict[str, float]]
     return {OVERALL: pearson(everything)} | {head: pearson(line) for head, line in pairs.items()}
 
 
-def _correlation_cell(item: Correlation) -> str:
-    return MISSING if math.isnan(item.r) else f"{number(item.r, 2)} ({p_value(item.p)})"
+def _correlation_cell(item: Correlation, pairs: int) -> str:
+    fewer = f", $n={item.n}$" if item.n < pairs else ""
+    return MISSING if math.isnan(item.r) else f"{number(item.r, 2)} ({p_value(item.p)}{fewer})"
 
 
 def _quartiles(comparison: Comparison, relation: Relation, keys: Sequence[Column], label: str) -> Table | None:
-    measures = {column: values(comparison, column.metric) for column in relation.segmentation}
+    measures = {column: values_by_head(comparison, column.metric) for column in relation.segmentation}
     quarters = [
         (key, head, name, shapes, ranks)
-        for key in keys
-        for head, ranks in values(comparison, key.metric).items()
+        for key, ranked in zip(keys, (_ranks(comparison, key.metric) for key in keys), strict=True)
+        for head, ranks in ranked.items()
         for name, shapes in _quarters(ranks, key).items()
     ]
     text: dict[str, list[str]] = {name: [] for name in ("By", "Head", "Quarter", "$N$", "Range")}
@@ -105,6 +100,12 @@ def _quartiles(comparison: Comparison, relation: Relation, keys: Sequence[Column
     )
     last = [place for place, line in enumerate(numbers[:-1]) if line["by"] != numbers[place + 1]["by"]]
     return finished(comparison, numbers, text, what, label, blocks=last) if numbers else None
+
+
+def _ranks(comparison: Comparison, metric: str) -> dict[str, dict[str, float]]:
+    """As `values_by_head`, of the runs with a mesh."""
+    runs = {head: comparison.of(head) for head in comparison.heads}
+    return {head: per_shape(part[part["status"] == "ok"], metric) for head, part in runs.items()}
 
 
 def _quarters(ranks: dict[str, float], key: Column) -> dict[str, list[str]]:

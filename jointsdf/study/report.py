@@ -56,6 +56,7 @@ def compile_report(path: Path) -> Path:
     if engine is None:
         fix = "install one, e.g. texlive-latex-recommended"
         raise ValueError(f"{path} is written, its PDF is not: no TeX found; {fix}")
+    path.with_suffix(".pdf").unlink(missing_ok=True)
     options = [] if engine == "tectonic" else ["-interaction=nonstopmode", "-halt-on-error", "-file-line-error"]
     done = subprocess.run([engine, *options, path.name], cwd=path.parent, capture_output=True, check=False)
     if done.returncode:

@@ -42,14 +42,14 @@ def per_shape(runs: pd.DataFrame, metric: str) -> dict[str, float]:
     return {str(shape): float(mean) for shape, mean in runs.groupby("shape")[metric].mean().items()}
 
 
-def pooled_deviation(runs: pd.DataFrame, metric: str) -> float:
-    """Standard deviation over the runs (seeds) of a shape, pooled by degrees of freedom; NaN for none."""
+def pooled_deviation(runs: pd.DataFrame, metric: str) -> tuple[int, float]:
+    """Number of shapes with several runs (seeds), and the standard deviation over those, pooled; NaN for none."""
     if metric not in runs:
-        return math.nan
+        return 0, math.nan
     by_shape = runs.dropna(subset=metric).groupby("shape")[metric]
     freedom = by_shape.count() - 1
     squares = (by_shape.var(ddof=1) * freedom)[freedom > 0]
-    return math.sqrt(squares.sum() / freedom.sum()) if len(squares) else math.nan
+    return len(squares), math.sqrt(squares.sum() / freedom.sum()) if len(squares) else math.nan
 
 
 def common_shapes(runs: pd.DataFrame) -> tuple[list[str], dict[str, list[str]]]:

@@ -34,6 +34,7 @@ def finished(
     label: str,
     *,
     unequal: bool = False,
+    averaged: bool = True,
     blocks: Sequence[int] = (),
 ) -> Table:
     """Put a table together; its caption says what it is over.
@@ -45,6 +46,7 @@ def finished(
         what: First sentences of the caption, without the last full stop.
         label: Name of the table.
         unequal: Whether some mean is over fewer shapes than the others.
+        averaged: Whether the seeds of a shape are averaged first.
         blocks: Lines that a gap follows.
     """
     if not comparison.shapes:
@@ -53,7 +55,7 @@ def finished(
         "dropped_shapes": " ".join(comparison.dropped),
         "without_mesh": len(comparison.runs[comparison.runs["status"] != "ok"]),
     }
-    described = caption(what, comparison, unequal=unequal)
+    described = caption(what, comparison, unequal=unequal, averaged=averaged)
     return Table(
         pd.DataFrame([line | origin for line in numbers]),
         tabular(pd.DataFrame(dict(text)), caption=described, label=label, blocks=blocks),
@@ -65,6 +67,11 @@ def in_blocks(comparison: Comparison, lines: Sequence[Line], what: str, label: s
     text = {header: [cells[header] for _, cells in lines] for header in lines[0][1]}
     ends = range(block - 1, len(lines), block)
     return finished(comparison, [numbers for numbers, _ in lines], text, what, label, blocks=ends)
+
+
+def values_by_head(comparison: Comparison, metric: str) -> dict[str, dict[str, float]]:
+    """Head -> shape -> value, seeds averaged."""
+    return {head: per_shape(comparison.of(head), metric) for head in comparison.heads}
 
 
 def summaries(runs: pd.DataFrame, metrics: Sequence[str]) -> list[Summary]:

@@ -3,7 +3,7 @@
 Heads are compared on the shapes that all of them have, seeds are averaged first; the caption lists what is left out.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -50,13 +50,16 @@ def builders(paper: Path) -> dict[str, Builder]:
     }
 
 
-def write_tables(rows: Sequence[ResultRow], outputs: Path, results: Path) -> list[Path]:
+def write_tables(
+    rows: Sequence[ResultRow], outputs: Path, results: Path, heads: Collection[str] | None = None
+) -> list[Path]:
     """Write `tables/` below a folder: `runs.csv`, the tables and `report.tex`; delete tables of groups gone since.
 
     Args:
         rows: At least one.
         outputs: Where to; the report holds the figures that are there already.
         results: Folder of the committed results, for the paper's numbers.
+        heads: Those that the rows were chosen by; None for all.
 
     Returns:
         The files written, `runs.csv` first.
@@ -67,7 +70,7 @@ def write_tables(rows: Sequence[ResultRow], outputs: Path, results: Path) -> lis
     folder = outputs / FOLDER
     written = [folder / FILE]
     write_atomically(written[0], rows_to_csv(rows))
-    groups, builds = split(collect(rows), find_gaps(outputs, rows)), builders(results / PAPER)
+    groups, builds = split(collect(rows), find_gaps(outputs, rows, heads)), builders(results / PAPER)
     for group in groups:
         for name, build in builds.items():
             if table := build(group, name + group.suffix):

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 
 from jointsdf.study.columns import RIGHT, WORST, Column
+from jointsdf.study.gaps import shortened
 from jointsdf.study.groups import Comparison, Group, compare
 from jointsdf.study.latex import MISSING, cell, escape, number
 from jointsdf.study.statistics import per_shape, summarise
@@ -13,8 +14,11 @@ NAMED = 5  # shapes; of more, the number of the others
 
 
 def worst(group: Group, label: str) -> Table | None:
-    """Mean and worst value of each metric, with its shape, per head; then the shapes whose counts are wrong."""
-    comparison = compare(group, baseline=True)
+    """Mean and worst value of each metric, with its shape, per head; then the shapes whose counts are wrong.
+
+    None for a group without labels.
+    """
+    comparison = compare(group, baseline=False)
     if not comparison.heads:
         return None
     lines = [_worst_line(comparison, head, column) for column in WORST for head in comparison.heads]
@@ -44,9 +48,8 @@ def _right_line(comparison: Comparison, head: str, column: Column) -> Line:
     wrong = [shape for shape, share in values.items() if share < 1]
     summary = summarise(values.values())
     numbers = {"metric": column.metric, "head": head, "n": summary.n, "mean": summary.mean, "std": summary.std}
-    rest = f" and {len(wrong) - NAMED} more" if len(wrong) > NAMED else ""
     count = f"{len(values) - len(wrong)} of {len(values)}" if values else MISSING
-    cells = _cells(comparison, head, column, (count, MISSING, escape(", ".join(wrong[:NAMED]) + rest) or MISSING))
+    cells = _cells(comparison, head, column, (count, MISSING, escape(shortened(wrong, shown=NAMED)) or MISSING))
     return numbers | {"worst": min(values.values(), default=math.nan), "shapes": " ".join(wrong)}, cells
 
 
