@@ -19,7 +19,7 @@ PAPER_STEPS = 10_000
 GIB, SECONDS = 6.0, 90.0  # allowed: memory of `paper`, a whole run of `fast`
 
 
-def rows(shapes: Sequence[str] = SHAPES, prefix: int = 5, overrides: Sequence[str] = ()) -> list[Row]:
+def rows(shapes: Sequence[str] = SHAPES, prefix: int = 3, overrides: Sequence[str] = ()) -> list[Row]:
     """Seconds and quality of every recipe and shape.
 
     Args:
