@@ -17,6 +17,7 @@ from jointsdf.trunk import SirenTrunk
 from jointsdf.values import UNLABELLED, InputError, Normalisation
 
 CHUNK = 65536  # points evaluated at once
+CPU_PIECE = 2048  # points whose activations stay in cache
 # What reading a damaged checkpoint can raise, found by feeding it flipped bytes.
 UNREADABLE = (
     RuntimeError,
@@ -104,10 +105,11 @@ class JointField(nn.Module):
         logits = self._logits(torch.cat([traced.sines[self.trunk.tap - 1], inside], -1))
         return FieldQuery(traced.sdf * self.scale.to(parameter), self._parts(logits), logits, grad)
 
-    @torch.no_grad()
     def network_sdf(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """Signed distance, network frame to network length units, for the extraction."""
-        sdf: ndarray = self.trunk(self._tensor(points))[0].cpu().numpy()
+        inputs = self._tensor(points)
+        pieces = inputs.split(len(inputs) if inputs.is_cuda else CPU_PIECE) if len(inputs) else [inputs]
+        sdf: ndarray = torch.cat([self.trunk.sdf(piece) for piece in pieces]).cpu().numpy()
         return sdf
 
     @torch.no_grad()

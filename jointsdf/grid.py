@@ -74,7 +74,10 @@ class Grid:
         """Evaluate the field at the given grid points that are not known yet, and keep the values."""
         self._make_bricks(points // self.stride)
         where, values = self._where(points), self.values.reshape(-1)
-        where = np.unique(where[values[where] == UNKNOWN])
+        where = where[values[where] == UNKNOWN]
+        order, owners = np.arange(len(where), dtype=np.int32), values.view(np.int32)
+        owners[where] = order  # of a point that is there several times, one writer is left: faster than sorting
+        where = where[owners[where] == order]
         values[where] = self.sample(self._points(where))
 
     def evaluate_all(self) -> None:

@@ -72,6 +72,15 @@ class SirenTrunk(nn.Module):
         traced = trace(self.sine_layers, self.output, points, with_cosines=False)
         return traced.sdf, torch.cat([traced.sines[self.tap - 1], points], -1)
 
+    @torch.no_grad()
+    def sdf(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+        """Signed distance alone, network frame: each layer overwrites the one before it, nothing is kept."""
+        hidden = points
+        for layer in self.sine_layers:
+            hidden = layer.linear(hidden).mul_(layer.omega).sin_()
+        sdf: Tensor = self.output(hidden).squeeze(-1)
+        return sdf
+
     def _fit_to_sphere(self, steps: int = 200, samples: int = 1000) -> None:
         """Fit f(x) = |x| - radius on random points of the box, a second of Adam."""
         optimizer = torch.optim.Adam(self.parameters(), lr=3e-4)

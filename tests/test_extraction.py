@@ -203,8 +203,53 @@ def test_checks_find_what_the_slope_between_lattice_points_does_not_foretell(
     assert_same(sparse, dense)
     assert sparse.evaluated < 0.5
     unchecked = "jointsdf.search._check"
-    monkeypatch.setattr(unchecked, lambda _grid, _skipped, _rng, shape: np.zeros(shape))
+    monkeypatch.setattr(unchecked, lambda _grid, _skipped, _rng, bounds: (0 * bounds, bounds < 0))
     assert len(Extraction(128).surface(sdf).faces) < len(dense.faces), "no test of the checks: found without them"
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("kind", ["wall", "needle", "bubble"])
+def test_features_thinner_than_a_cell_are_those_of_the_dense_grid(kind: str, seed: int) -> None:
+    """Exact distances bend most about them: between the points of a block that is halved they must not be lost."""
+    rng = np.random.default_rng(seed)
+    cell = 2 * BOX / 63
+    thickness = rng.uniform(0.2, 0.9) * cell
+    centres = rng.uniform(-0.9, 0.9, (40 if kind == "bubble" else 1, 3))
+    along = rng.standard_normal(3)
+    along /= np.linalg.norm(along)
+
+    def sdf(points: np.ndarray) -> np.ndarray:
+        offsets = points[:, None] - centres
+        heights = offsets @ along
+        if kind == "wall":
+            apart = np.abs(heights)
+        elif kind == "needle":
+            apart = np.linalg.norm(offsets - heights[..., None] * along, axis=2)
+        else:
+            apart = np.linalg.norm(offsets, axis=2)
+        return np.minimum(apart.min(axis=1) - thickness, points[:, 2] + 0.3)  # above a plane
+
+    sparse = Extraction(64).surface(sdf)
+    assert_same(sparse, Extraction(64, "dense").surface(sdf))
+    assert sparse.evaluated < 0.3
+
+
+def test_where_interpolation_misleads_a_failed_check_takes_it_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pockets of one grid point each above a plane, all between the points of halved blocks: only checks see them."""
+    odd = np.arange(17, 112, 2)
+    centres = np.array([(x, y, 65) for x in odd for y in odd]) * CELL - BOX
+    tree = KDTree(centres)
+
+    def sdf(points: np.ndarray) -> np.ndarray:
+        return points[:, 2] - 3 * CELL * np.maximum(0, 1 - tree.query(points)[0] / (0.9 * CELL))
+
+    def pockets() -> int:
+        return int(as_trimesh(Extraction(128).surface(sdf)).body_count) - 1
+
+    found = pockets()
+    monkeypatch.setattr("jointsdf.search._check", lambda _grid, _skipped, _rng, bounds: (0 * bounds, bounds < 0))
+    assert pockets() == 0, "no test of the checks: found without them"
+    assert found > len(centres) / 3
 
 
 def test_most_tiny_floaters_at_random_places_are_found() -> None:
