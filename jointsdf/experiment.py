@@ -4,7 +4,7 @@ import logging
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from jointsdf.module import JointSDFModule
 from jointsdf.provenance import code_state, provenance
 from jointsdf.results import ResultRow, config_hash, write_row
 from jointsdf.reuse import known_row
+from jointsdf.settling import settled
 from jointsdf.shapes.report import MeshReport, mesh_report
 from jointsdf.values import LabelledMesh, Normalisation, Shape
 from jointsdf.viewing.export import write_mesh
@@ -87,7 +88,8 @@ def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
         watch.seconds["fit"], machine["device"] = fit(module, data, folder, preview=preview, **how)
         save_field(module.field, folder / run_folder.FIELD)
         with watch("extract"):
-            mesh = extract(module.field, measures.extraction)
+            measures, mesh = extracted(module.field, measures, settle=cfg.extraction.resolution == "auto")
+            report = report.on_grid(measures.extraction.resolution)
             write_mesh(folder, mesh)
         with watch("evaluate"):
             kept = Path(cfg.paths.outputs, KEPT)
@@ -136,6 +138,17 @@ def machine_facts(cfg: DictConfig, module: JointSDFModule) -> dict[str, str | in
     backward = str(module.backward_dtype or torch.float32).removeprefix("torch.")
     log.info("machine: %d threads, %s matrix products, backward in %s", threads, matmul, backward)
     return {"matmul": matmul, "threads": threads, "backward": backward}
+
+
+def extracted(
+    field: JointField, measures: assembly.Measures, *, settle: bool
+) -> tuple[assembly.Measures, LabelledMesh]:
+    """The field's mesh, and the measures with the grid that it was made on: a finer one where `settle` asks for it."""
+    if not settle:
+        return measures, extract(field, measures.extraction)
+    extraction, surface = settled(measures.extraction, field.network_sdf)
+    mesh = extraction.labelled(surface, field.network_part, field.normalisation)
+    return replace(measures, extraction=extraction), mesh
 
 
 def measure(

@@ -88,7 +88,11 @@ class Extraction:
             label: float32 points of the network frame -> original part id.
             normalisation: File frame -> network frame.
         """
-        vertices, faces, _ = self.surface(sdf)
+        return self.labelled(self.surface(sdf), label, normalisation)
+
+    def labelled(self, surface: Surface, label: Label, normalisation: Normalisation) -> LabelledMesh:
+        """A surface of `surface` with one part label per face, in file units; the arguments are `labelled_mesh`'s."""
+        vertices, faces, _ = surface
 
         def ask(points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
             starts = range(0, len(points), self.chunk)

@@ -9,7 +9,6 @@ from numpy.random import Generator
 from jointsdf.values import UNLABELLED, LabelledMesh
 
 BORDER_SCALES = (-3.3, -1.3)  # log10 of the narrowest and widest noise about a border, of half the longest side
-NOTHING_MET = 1e30  # embree's answer where a ray meets nothing is larger
 
 
 def area_uniform(
@@ -44,7 +43,14 @@ def relative_area(mesh: LabelledMesh) -> float:
 def ray_lengths(
     corners: Float[ndarray, "f 3 3"], origins: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]
 ) -> Float[ndarray, " n"]:
-    """How far rays go until they meet a face; infinite where they meet none.
+    """How far rays go until they meet a face; infinite where they meet none. The arguments are those of `ray_hits`."""
+    return ray_hits(corners, origins, directions)[0]
+
+
+def ray_hits(
+    corners: Float[ndarray, "f 3 3"], origins: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]
+) -> tuple[Float[ndarray, " n"], Int[ndarray, " n"]]:
+    """How far rays go until they meet a face, and which: infinite and -1 where they meet none.
 
     Args:
         corners: Of the faces, in a frame where the mesh is at most about 1 across: the rays are cast in float32.
@@ -56,8 +62,9 @@ def ray_lengths(
 
     scene = EmbreeScene()
     TriangleMesh(scene, corners.astype(np.float32))
-    lengths = scene.run(origins.astype(np.float32), directions.astype(np.float32), query="DISTANCE")
-    return np.where(lengths > NOTHING_MET, np.inf, lengths.astype(np.float64))
+    hits = scene.run(origins.astype(np.float32), directions.astype(np.float32), output=True)
+    faces = hits["primID"].astype(np.int64)
+    return np.where(faces < 0, np.inf, hits["tfar"].astype(np.float64)), faces
 
 
 def edge_keys(faces: Int[ndarray, "f 3"], vertices: int) -> Int[ndarray, " e"]:

@@ -1,7 +1,7 @@
 """What a run should know of its mesh before it starts: repairs, contacts, walls too thin for the grid, parts."""
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import igl
 import numpy as np
@@ -95,6 +95,10 @@ class MeshReport:
                 f"{self.cell:.3g}): it will vanish or break; {fix}"
             )
         return found
+
+    def on_grid(self, resolution: int) -> "MeshReport":
+        """The same with another extraction grid."""
+        return replace(self, resolution=resolution, cell=self.cell * (self.resolution - 1) / (resolution - 1))
 
     def log(self) -> None:
         """Say the lines, and warn."""

@@ -1,0 +1,116 @@
+"""The grid that a field's own thin walls and gaps need."""
+
+import json
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import train
+
+from jointsdf import experiment
+from jointsdf.board import extract
+from jointsdf.extraction import Extraction
+from jointsdf.field import JointField
+from jointsdf.settling import close_faces, pieces_and_handles, settled
+from jointsdf.values import BOX
+
+Sdf = Callable[[np.ndarray], np.ndarray]
+LADDER = (32, 48, 72, 108)
+CELL = 2 * BOX / 31  # of the coarsest
+TURN = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+
+
+def turned_box(points: np.ndarray, half: tuple[float, float, float]) -> np.ndarray:
+    q = np.abs(points @ TURN) - np.array(half)
+    return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+
+
+def plate(thickness: float) -> Sdf:
+    return lambda points: turned_box(points, (0.6, 0.5, thickness * CELL / 2))
+
+
+def fin(thickness: float) -> Sdf:
+    """A block with a thin wall standing on it, which a coarse grid breaks."""
+    half = (0.6, 0.25, thickness * CELL / 2)
+    return lambda points: np.minimum(turned_box(points, (0.45, 0.45, 0.4)), turned_box(points - 0.3 * TURN[:, 0], half))
+
+
+def slit(width: float) -> Sdf:
+    """A block with a slit from above, which a coarse grid bridges."""
+    half = (0.9, width * CELL / 2, 0.4)
+    return lambda points: np.maximum(turned_box(points, (0.6, 0.5, 0.4)), -turned_box(points - 0.3 * TURN[:, 2], half))
+
+
+@pytest.mark.parametrize(("sdf", "resolution"), [(fin(0.9), 48), (slit(0.8), 72)], ids=["fin", "slit"])
+def test_where_a_grid_breaks_a_wall_or_bridges_a_gap_a_finer_one_is_taken(sdf: Sdf, resolution: int) -> None:
+    assert pieces_and_handles(Extraction(32).surface(sdf)) != (1, 2), "no test: the coarse grid is fine enough"
+    extraction, surface = settled(Extraction(32), sdf, LADDER)
+    assert extraction == Extraction(resolution)
+    assert pieces_and_handles(surface) == (1, 2)
+    np.testing.assert_array_equal(extraction.surface(sdf).vertices, surface.vertices)
+
+
+def test_a_thin_wall_that_the_next_grid_shows_alike_is_kept(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    extraction, surface = settled(Extraction(32), fin(1.2), LADDER)
+    assert extraction == Extraction(32)
+    assert pieces_and_handles(surface) == (1, 2)
+    assert "faces are within a cell of another one: compared with 48^3" in caplog.text
+
+
+def test_without_thin_places_the_field_is_asked_for_one_grid_alone() -> None:
+    asked: list[int] = []
+
+    def counted(points: np.ndarray) -> np.ndarray:
+        asked.append(len(points))
+        return plate(3)(points)
+
+    once = Extraction(32).surface(plate(3))
+    extraction, surface = settled(Extraction(32), counted, LADDER)
+    assert extraction == Extraction(32)
+    assert sum(asked) == round(once.evaluated * 32**3)
+    np.testing.assert_array_equal(surface.faces, once.faces)
+
+
+@pytest.mark.parametrize(
+    ("sdf", "ladder", "resolution"),
+    [(slit(0.8), (32, 48), 48), (plate(0.5), LADDER, 32)],
+    ids=["beyond the finest", "nothing but thin"],
+)
+def test_what_no_grid_can_show_is_said(
+    sdf: Sdf, ladder: tuple[int, ...], resolution: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    extraction, _ = settled(Extraction(32), sdf, ladder)
+    assert extraction == Extraction(resolution)
+    [warning] = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert warning.startswith(f"{resolution}^3: ")
+    assert warning.endswith("faces are within a cell of another one: walls may be broken and gaps bridged there")
+
+
+def test_a_field_without_a_surface_is_settled_at_once() -> None:
+    extraction, surface = settled(Extraction(32), lambda points: np.ones(len(points)), LADDER)
+    assert extraction == Extraction(32)
+    assert len(surface.faces) == 0
+
+
+def test_both_sides_of_a_thin_wall_count_and_a_thick_one_has_none() -> None:
+    fine = Extraction(128).surface(plate(0.9))
+    assert close_faces(fine, 32) > 0.8 * len(fine.faces)  # cells of 32 points an axis
+    assert close_faces(fine, 64) == 0  # the wall is 1.8 of these
+    assert close_faces(Extraction(32).surface(plate(6)), 32) == 0
+
+
+def test_a_run_takes_the_finer_grid_and_its_row_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`auto` of a shape without thin walls starts at 256; here the ladder is short, and the fit too short for it."""
+    monkeypatch.setattr("jointsdf.shapes.report.LADDER", (16,))
+    finer = Extraction(24, borders="split")
+    monkeypatch.setattr(experiment, "settled", lambda _, sdf: (finer, finer.surface(sdf)))
+    assert train(tmp_path, "extraction.resolution=auto").code == 0
+    row = json.loads(next(tmp_path.rglob("result.json")).read_text())
+    assert row["provenance"]["resolution"] == 24
+    field = JointField.load(next(tmp_path.rglob("field.ckpt")))
+    assert row["provenance"]["grid_cell"] == pytest.approx(2 * BOX * field.normalisation.scale / 23)
+    mesh = extract(field, finer)
+    assert row["counts"]["faces_pred"] == len(mesh.faces)
