@@ -3,7 +3,7 @@
 The grid has `resolution` points along each axis, the first and the last on the box's faces, so `resolution - 1` cells.
 Points and cells are addressed by their integer coordinates (a cell by its lowest corner) and kept in bricks of
 `stride`^3, made where they are first needed. The coarse lattice of every `stride`-th point, and the last, is evaluated
-in full: about 64 lines along an axis, so that its spacing hardly depends on the resolution.
+in full: 48 to 64 lines along an axis for the usual resolutions, so that its spacing hardly depends on them.
 """
 
 import logging
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 UNKNOWN = np.float32(np.inf)
 OUTSIDE = np.float32(1.0)  # for values that are not finite
 CORNERS = np.array(list(product((0, 1), repeat=3)))  # of a unit cell
-LATTICE_BLOCKS = 63  # at least so many along an axis, where the stride can be so small
+LATTICE_BLOCKS = 47  # at least so many along an axis, where the stride can be so small
 STRIDES = (4, 8, 16)
 
 Sdf = Callable[[Float[ndarray, "n 3"]], Float[ndarray, " n"]]
