@@ -1,4 +1,4 @@
-"""`python -m benchmarks [step extraction overhead quality] [--write]`: one table of ratios, the summary last."""
+"""`python -m benchmarks [step extraction measures overhead quality] [--write]`: a table of ratios, its summary last."""
 
 import argparse
 import csv
@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks import extraction, overhead, quality, step
+from benchmarks import extraction, measures, overhead, quality, step
 from benchmarks.table import Row, table
 from jointsdf.provenance import provenance
 
@@ -17,6 +17,7 @@ RESULTS = Path(__file__).with_name("results.csv")
 BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "step": step.rows,
     "extraction": extraction.rows,
+    "measures": measures.rows,
     "overhead": overhead.rows,
     "quality": quality.rows,
 }

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import extraction, overhead, quality, step
+from benchmarks import extraction, measures, overhead, quality, step
 from benchmarks.table import Row, interleaved, table
 
 
@@ -51,6 +51,13 @@ def test_extraction_and_overhead_give_rows():
     assert [row.unit for row in rows] == ["s", "s", "s", "GiB"]
     (row,) = overhead.rows(steps=4, repetitions=1)
     assert row.ratio == pytest.approx(row.ours / row.theirs - 1)
+
+
+def test_measures_are_the_same_together_and_alone():
+    together, allowed = measures.rows(resolution=24, repetitions=1)
+    assert together.ours == allowed.ours
+    assert together.ratio == pytest.approx(together.theirs / together.ours)
+    assert together.target is allowed.target is None
 
 
 def test_quality_gives_seconds_memory_and_scores_and_claims_nothing_of_smaller_runs():
