@@ -17,11 +17,18 @@ from jointsdf.values import LabelledMesh
 
 FAR = 0.01  # distance from which a sign is put to the vote, of the longest side; nearer, a fold turns next to nothing
 NEIGHBOURS = 6  # of a point, itself included, in the vote
-BINS = 16  # along each axis: neighbouring questions meet the same branches of the search tree while they are in cache
+PIECES = 100_000  # of the faces of a mesh at most, unless it has more faces, cut for the search tree
+LONG = 1 / 8  # edge above which a face is cut, of the longest side
+BINS = np.uint16(
+    40
+)  # along each axis, their cube within 16 bits: points of a bin meet the same branches of a search tree
 
 
 class ClosestPoint:
     """The closest point of a mesh, its search tree built once.
+
+    The tree's boxes about long faces overlap, and a search goes through all that hold its point: it is built on pieces
+    of them.
 
     Args:
         mesh: The surface, at least one face. Points and distances are in its frame and unit.
@@ -31,15 +38,18 @@ class ClosestPoint:
         assert not mesh.is_empty, "no distance to an empty mesh"
         self.vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
         self.faces = np.ascontiguousarray(mesh.faces, dtype=np.int64)
+        corners, self._whole = cut(self.vertices[self.faces], LONG * float(np.ptp(self.vertices, axis=0).max()))
+        pieces = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
+        self._pieces = (self.vertices, self.faces) if len(corners) == len(self.faces) else pieces
         self._tree = igl.AABB()
-        self._tree.init(self.vertices, self.faces)
+        self._tree.init(*self._pieces)
 
     def query(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Int[ndarray, " n"]]:
         """Distance to the closest point of the surface, and the face that holds it."""
         order = in_space_order(points)
-        squared, closest, _ = self._tree.squared_distance(self.vertices, self.faces, _ordered(points, order))
+        squared, closest, _ = self._tree.squared_distance(*self._pieces, _ordered(points, order))
         distances, faces = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
-        distances[order], faces[order] = np.sqrt(squared), closest
+        distances[order], faces[order] = np.sqrt(squared), self._whole[closest]
         return distances, faces
 
 
@@ -105,14 +115,29 @@ def agreed(points: Float[ndarray, "n 3"], distances: Float[ndarray, " n"]) -> Fl
     return np.where(votes == 0, distances, np.copysign(distances, votes))
 
 
+def cut(corners: Float[ndarray, "f 3 3"], longest: float) -> tuple[Float[ndarray, "p 3 3"], Int[ndarray, " p"]]:
+    """Faces halved across their longest edge until none is longer, or there are `PIECES`, and the face of each."""
+    whole = np.arange(len(corners))
+    while True:
+        lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        long = lengths.max(axis=1) > longest
+        if not long.any() or len(corners) + np.count_nonzero(long) > PIECES:
+            return corners, whole
+        first = lengths[long].argmax(axis=1)
+        a, b, c = (corners[long, (first + turn) % 3] for turn in range(3))
+        middle = (a + b) / 2
+        corners = np.concatenate([corners[~long], np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
+        whole = np.concatenate([whole[~long], whole[long], whole[long]])
+
+
 def in_space_order(points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
     """The order of the points by bins of space, so that one is asked near the one before it."""
     if len(points) == 0:
         return np.arange(0)
     low, high = points.min(axis=0), points.max(axis=0)
     side = float((high - low).max()) or 1.0
-    bins = ((points - low) / side * BINS).astype(np.int64)
-    return np.argsort(bins @ np.array([(BINS + 1) ** 2, BINS + 1, 1]), kind="stable")
+    x, y, z = np.minimum((points - low) * (BINS / side), BINS - 1).astype(np.uint16).T  # 16 bits: sorted by counting
+    return np.argsort((x * BINS + y) * BINS + z, kind="stable")
 
 
 def _ordered(points: Float[ndarray, "n 3"], order: Int[ndarray, " n"] | slice) -> Float[ndarray, "n 3"]:

@@ -1,7 +1,8 @@
 """Scores of a reconstruction: samples each surface once per protocol, and runs every metric on the same samples."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from jointsdf.metrics import Metric
 from jointsdf.surfaces import area_uniform, face_normals
-from jointsdf.values import InputError, LabelledMesh, Normalisation, SurfaceSamples
+from jointsdf.values import UNMOVED, InputError, LabelledMesh, Normalisation, SurfaceSamples
 
 # Evaluation has seeds of its own, so that all heads and seeds of a shape meet the same ground truth samples. The floor
 # is sampled like a prediction: a perfect prediction scores exactly its floor.
@@ -74,7 +75,7 @@ class GroundTruth:
         Raises:
             InputError: Two metrics of a protocol write the same column.
         """
-        return {name: self._scores(name, predicted) for name in self.protocols}
+        return self._by_protocol(lambda name: self._scores(name, predicted))
 
     def companions(self, ceiling: LabelledMesh | None) -> Scores:
         """What the scores are read against, whatever is predicted: `<key>_floor` and `<key>_ceiling` of every protocol.
@@ -85,10 +86,15 @@ class GroundTruth:
             ceiling: The mesh of the exact distance on the prediction's grid with the closest true labels, file frame:
                 what grid and face rule alone cost. None makes every `<key>_ceiling` NaN.
         """
-        return {
-            name: self._companions(name, "floor", self.mesh) | self._companions(name, "ceiling", ceiling)
-            for name in self.protocols
-        }
+        return self._by_protocol(
+            lambda name: self._companions(name, "floor", self.mesh) | self._companions(name, "ceiling", ceiling)
+        )
+
+    def _by_protocol(self, scores: Callable[[str], dict[str, float]]) -> Scores:
+        """All at once: what is sorted, gathered or built on one core leaves another one free."""
+        _ = self.samples
+        with ThreadPoolExecutor() as pool:
+            return dict(zip(self.protocols, pool.map(scores, self.protocols), strict=True))
 
     def _scores(self, protocol: str, predicted: LabelledMesh) -> dict[str, float]:
         found = self._sampled(self.protocols[protocol], predicted, PREDICTED_SEED)
@@ -114,14 +120,13 @@ class GroundTruth:
 
     def _sampled(self, protocol: Protocol, mesh: LabelledMesh, seed: int) -> SurfaceSamples:
         frame = bounding_frame(self.mesh if protocol.frame == "truth" else mesh)
-        framed = LabelledMesh(frame.forward(mesh.vertices.astype(np.float64)), mesh.faces.astype(np.int64), mesh.labels)
-        return sample_surface(framed, protocol.points, seed)
+        return sample_surface(mesh, protocol.points, seed, frame)
 
 
 def bounding_frame(mesh: LabelledMesh) -> Normalisation:
     """The map to the frame where the mesh's bounding box is centred, its longest side 1; identity without faces."""
     if mesh.is_empty:
-        return Normalisation(np.zeros(3), 1.0)
+        return UNMOVED
     used = np.zeros(len(mesh.vertices), dtype=bool)
     used[mesh.faces] = True
     corners = mesh.vertices[used].astype(np.float64)
@@ -129,17 +134,19 @@ def bounding_frame(mesh: LabelledMesh) -> Normalisation:
     return Normalisation((low + high) / 2, float((high - low).max()) or 1.0)
 
 
-def sample_surface(mesh: LabelledMesh, count: int, seed: int) -> SurfaceSamples:
+def sample_surface(mesh: LabelledMesh, count: int, seed: int, frame: Normalisation = UNMOVED) -> SurfaceSamples:
     """Draw area-uniform points on a mesh, a function of the arguments alone.
 
     Args:
-        mesh: Any frame; the points are in the same.
+        mesh: File frame.
         count: Number of points. A mesh without any area gets none.
         seed: Of the draw.
+        frame: That of the points.
     """
-    nothing = SurfaceSamples(mesh, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
+    nothing = SurfaceSamples(mesh, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), frame)
     if mesh.is_empty:
         return nothing
-    points, faces = area_uniform(mesh.vertices, mesh.faces, count, np.random.default_rng(seed))
-    normals = face_normals(mesh.vertices, mesh.faces[faces])
-    return SurfaceSamples(mesh, points, normals, faces) if normals.any() else nothing
+    vertices = frame.forward(mesh.vertices.astype(np.float64))
+    points, faces = area_uniform(vertices, mesh.faces, count, np.random.default_rng(seed))
+    normals = face_normals(vertices, mesh.faces[faces])
+    return SurfaceSamples(mesh, points, normals, faces, frame) if normals.any() else nothing

@@ -15,16 +15,17 @@ def area_uniform(
     vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], count: int, generator: Generator
 ) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:
     """Points uniform by area on a triangle mesh, in its own frame, and the face of each."""
-    a, b, c = vertices[faces].transpose(1, 0, 2)
+    a, b, c = vertices[faces.T]
     chosen = _weighted(np.linalg.norm(np.cross(b - a, c - a), axis=1), count, generator)
     s, t = generator.random((2, count, 1))
     s, t = np.where(s + t > 1, 1 - s, s), np.where(s + t > 1, 1 - t, t)
-    return a[chosen] + s * (b - a)[chosen] + t * (c - a)[chosen], chosen
+    a, b, c = a[chosen], b[chosen], c[chosen]
+    return a + s * (b - a) + t * (c - a), chosen
 
 
 def face_normals(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> Float[ndarray, "f 3"]:
     """Unit normal of each face, by its winding; zero for a degenerate face."""
-    a, b, c = vertices[faces].transpose(1, 0, 2)
+    a, b, c = vertices[faces.T]
     normals = np.cross(b - a, c - a)
     return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
 
@@ -81,9 +82,15 @@ def edge_keys(faces: Int[ndarray, "f 3"], vertices: int) -> Int[ndarray, " e"]:
 def border_edges(mesh: LabelledMesh) -> Int[ndarray, "e 2"]:
     """Vertex pairs of the edges whose faces differ in label, each once; unlabelled faces are ignored."""
     labelled = mesh.labels != UNLABELLED
-    classes = np.repeat(np.searchsorted(mesh.part_ids, mesh.labels[labelled]), 3)
+    faces, labels = mesh.faces[labelled].astype(np.int64), mesh.labels[labelled]
     count, parts = len(mesh.vertices), max(len(mesh.part_ids), 1)
-    codes = np.sort(edge_keys(mesh.faces[labelled].astype(np.int64), count) * parts + classes)
+    met = np.zeros(count, dtype=labels.dtype)
+    met[faces] = labels[:, None]
+    mixed = np.zeros(count, dtype=bool)  # vertices with faces of two labels: a border runs between two of them
+    mixed[faces[met[faces] != labels[:, None]]] = True
+    near = mixed[faces].sum(axis=1) > 1
+    classes = np.repeat(np.searchsorted(mesh.part_ids, labels[near]), 3)
+    codes = np.sort(edge_keys(faces[near], count) * parts + classes)
     keys = codes // parts
     differs = (keys[1:] == keys[:-1]) & (codes[1:] != codes[:-1])
     return np.stack(np.divmod(np.unique(keys[1:][differs]), count), axis=1)

@@ -45,6 +45,9 @@ class Normalisation:
         return points * self.scale + self.centre
 
 
+UNMOVED = Normalisation(np.zeros(3), 1.0)  # the file frame itself
+
+
 @dataclass(frozen=True)
 class LabelledMesh:
     """A triangle mesh with one part label per face. Never modified in place.
@@ -104,16 +107,18 @@ class SurfaceSamples:
     """Area-uniform points on one surface, for evaluation. One frame for all points that are compared.
 
     Attributes:
-        mesh: The surface the points lie on, same frame as the points.
+        mesh: The surface the points lie on, file frame: what is known of it serves samples in any frame.
         points: Positions.
         normals: Unit normal of each point's face.
         faces: Index of each point's face in `mesh`.
+        frame: That of the points.
     """
 
     mesh: LabelledMesh
     points: Float[ndarray, "n 3"]
     normals: Float[ndarray, "n 3"]
     faces: Int[ndarray, " n"]
+    frame: Normalisation = UNMOVED
 
     @property
     def labels(self) -> Int[ndarray, " n"]:

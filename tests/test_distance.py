@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from jointsdf.distance import FAR, ExactDistance, agreed
+from jointsdf.distance import FAR, PIECES, ClosestPoint, ExactDistance, agreed, cut
 from jointsdf.values import LabelledMesh
 
 HALF = np.array([0.7, 0.5, 0.3])
@@ -64,6 +64,28 @@ def test_value_and_face_equal_brute_force(watertight: bool) -> None:
     exact = ExactDistance(mesh, watertight=watertight)
     np.testing.assert_allclose(np.abs(exact.signed(points)), brute.min(axis=0), atol=1e-12)
     np.testing.assert_allclose(brute[exact.closest_face(points), np.arange(400)], brute.min(axis=0), atol=1e-12)
+
+
+def test_cut_faces_cover_the_same_surface_and_know_their_face() -> None:
+    mesh = labelled(trimesh.creation.box((2, 1e-3, 0.3)))
+    whole = mesh.vertices[mesh.faces]
+    pieces, face = cut(whole, 0.05)
+    assert np.linalg.norm(np.roll(pieces, -1, axis=1) - pieces, axis=2).max() <= 0.05
+    areas = [np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2 for t in (pieces, whole)]
+    np.testing.assert_allclose(np.bincount(face, areas[0]), areas[1], rtol=1e-12)
+    outside = triangle_distance(pieces.reshape(-1, 3)[:900], whole[face[0]])[np.repeat(face == face[0], 3)[:900]]
+    np.testing.assert_allclose(outside, 0, atol=1e-12)
+    assert len(cut(whole, 1e-9)[0]) <= PIECES
+
+
+def test_long_faces_give_the_same_distance_as_brute_force() -> None:
+    mesh = labelled(trimesh.creation.cylinder(0.4, 2.0, sections=7))
+    points = uniform(400, seed=5)
+    brute = np.stack([triangle_distance(points, corners) for corners in mesh.vertices[mesh.faces]])
+    distances, faces = ClosestPoint(mesh).query(points)
+    assert faces.max() < len(mesh.faces)
+    np.testing.assert_allclose(distances, brute.min(axis=0), atol=1e-12)
+    np.testing.assert_allclose(brute[faces, np.arange(400)], brute.min(axis=0), atol=1e-12)
 
 
 def test_winding_sign_agrees_with_the_pseudonormal_on_a_closed_mesh() -> None:

@@ -172,6 +172,12 @@ def test_common_rotation_is_without_meaning(metric):
     assert found == pytest.approx(metric(predicted, truth), abs=1e-9)
 
 
+def test_a_frame_gives_what_moving_the_mesh_gives(metric):
+    frame = bounding_frame(TRUTH)
+    found = metric(sample_surface(OFF, 1500, 1, frame), sample_surface(TRUTH, 1500, 2, frame))
+    assert found == pytest.approx(metric(unit_samples(OFF, 1), unit_samples(TRUTH, 2)), abs=1e-9)
+
+
 def test_metric_leaves_the_samples_alone(metric):
     predicted, truth = unit_samples(OFF, 1), unit_samples(TRUTH, 2)
     for samples in (predicted, truth):

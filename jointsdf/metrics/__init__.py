@@ -1,20 +1,23 @@
 """Measures of a reconstruction: one file per family, and here what several families share.
 
 A metric is a frozen dataclass whose call takes the samples of two surfaces in one frame and returns columns of the
-result row. It never moves geometry. Searches between two sample sets run once, whichever metrics ask for them.
+result row. It never moves geometry. Searches between two sample sets run once, whichever metrics ask for them, and what
+is known of a mesh serves its samples in every frame.
 """
 
 import math
 import weakref
 from collections.abc import Callable
+from concurrent.futures import Future
+from threading import Lock
 from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.distance import ClosestPoint
-from jointsdf.values import SurfaceSamples
+from jointsdf.distance import ClosestPoint, in_space_order
+from jointsdf.values import LabelledMesh, SurfaceSamples
 
 Result = TypeVar("Result")
 
@@ -61,16 +64,23 @@ class Projection(NamedTuple):
 
 
 def remembered(function: Callable[..., Result]) -> Callable[..., Result]:
-    """Remember a function of sample sets for as long as all of them live."""
-    known: dict[tuple[int, ...], Result] = {}
+    """Remember a function of sample sets or meshes for as long as all of them live; threads wait for each other."""
+    known: dict[tuple[int, ...], Future[Result]] = {}
+    looking = Lock()
 
-    def answer(*samples: SurfaceSamples) -> Result:
-        key = tuple(map(id, samples))  # arrays make the samples unhashable, so identity is the key
-        if key not in known:
-            known[key] = function(*samples)
-            for one in samples:
+    def answer(*surfaces: SurfaceSamples | LabelledMesh) -> Result:
+        key = tuple(map(id, surfaces))  # arrays make them unhashable, so identity is the key
+        with looking:
+            first = key not in known
+            future = known.setdefault(key, Future())
+        if first:
+            for one in surfaces:
                 weakref.finalize(one, known.pop, key, None)
-        return known[key]
+            try:
+                future.set_result(function(*surfaces))
+            except BaseException as error:
+                future.set_exception(error)
+        return future.result()
 
     return answer
 
@@ -78,21 +88,27 @@ def remembered(function: Callable[..., Result]) -> Callable[..., Result]:
 @remembered
 def match(predicted: SurfaceSamples, truth: SurfaceSamples) -> Matching:
     """Nearest neighbours of two non-empty sample sets in each other, exact."""
-    to_truth, nearest_truth = truth.tree.query(predicted.points, workers=-1)
-    to_predicted, nearest_predicted = predicted.tree.query(truth.points, workers=-1)
-    return Matching(to_truth, nearest_truth, to_predicted, nearest_predicted)
+    return Matching(*_nearest(predicted.points, truth), *_nearest(truth.points, predicted))
+
+
+def _nearest(points: Float[ndarray, "n 3"], among: SurfaceSamples) -> tuple[Float[ndarray, " n"], Int[ndarray, " n"]]:
+    order = in_space_order(points)
+    distances, nearest = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
+    distances[order], nearest[order] = among.tree.query(points[order], workers=-1)
+    return distances, nearest
 
 
 @remembered
-def closest_point(samples: SurfaceSamples) -> ClosestPoint:
-    """Closest points on the mesh under the samples."""
-    return ClosestPoint(samples.mesh)
+def closest_point(mesh: LabelledMesh) -> ClosestPoint:
+    """Closest points on a mesh."""
+    return ClosestPoint(mesh)
 
 
 @remembered
 def project(samples: SurfaceSamples, onto: SurfaceSamples) -> Projection:
-    """Closest point of the mesh under `onto` for every one of `samples`, exact."""
-    return Projection(*closest_point(onto).query(samples.points))
+    """Closest point of the mesh under `onto` for every one of `samples`, exact; both in one frame."""
+    distances, faces = closest_point(onto.mesh).query(onto.frame.inverse(samples.points))
+    return Projection(distances / onto.frame.scale, faces)
 
 
 def unscored(predicted: SurfaceSamples, truth: SurfaceSamples) -> float | None:

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from jointsdf.metrics import unscored
+from jointsdf.metrics import remembered, unscored
 from jointsdf.surfaces import border_edges
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
@@ -35,18 +35,27 @@ class Boundary:
         default = unscored(predicted, truth)
         if default is not None:
             return {"boundary_f1": default}
-        found = points_along(predicted.mesh, border_edges(predicted.mesh), self.spacing)
-        wanted = points_along(truth.mesh, border_edges(truth.mesh), self.spacing)
+        found, wanted = self._points(predicted), self._points(truth)
         if len(found[0]) == 0 or len(wanted[0]) == 0:
             return {"boundary_f1": float(len(found[0]) == len(wanted[0]))}
         precision, recall = self._share_near(*found, wanted[0]), self._share_near(*wanted, found[0])
         return {"boundary_f1": 2 * precision * recall / (precision + recall) if precision + recall > 0 else 0.0}
+
+    def _points(self, samples: SurfaceSamples) -> tuple[Float[ndarray, "n 3"], Float[ndarray, " n"]]:
+        scale = samples.frame.scale
+        points, lengths = points_along(samples.mesh, _border(samples.mesh), self.spacing * scale)
+        return samples.frame.forward(points), lengths / scale
 
     def _share_near(
         self, points: Float[ndarray, "n 3"], lengths: Float[ndarray, " n"], others: Float[ndarray, "m 3"]
     ) -> float:
         distances, _ = KDTree(others).query(points, distance_upper_bound=self.tolerance, workers=-1)
         return float(lengths[np.isfinite(distances)].sum() / lengths.sum())
+
+
+@remembered
+def _border(mesh: LabelledMesh) -> Int[ndarray, "e 2"]:
+    return border_edges(mesh)
 
 
 def points_along(
@@ -56,7 +65,7 @@ def points_along(
 
     The lengths are weights, so that many short edges count no more than one long edge in their place.
     """
-    start, end = mesh.vertices[edges[:, 0]], mesh.vertices[edges[:, 1]]
+    start, end = mesh.vertices[edges.T].astype(np.float64)
     lengths = np.linalg.norm(end - start, axis=1)
     pieces = np.ceil(lengths / spacing).astype(np.int64)
     edge = np.repeat(np.arange(len(edges)), pieces)

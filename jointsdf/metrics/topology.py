@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from jointsdf.surfaces import edge_keys
+from jointsdf.metrics import remembered
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
 
@@ -21,9 +21,15 @@ class Topology:
 
     def __call__(self, predicted: SurfaceSamples, truth: SurfaceSamples) -> dict[str, float]:
         """Count and measure both meshes; see the class."""
-        return topology(predicted.mesh) | {f"{key}_gt": value for key, value in topology(truth.mesh).items()}
+        return _in_frame(predicted) | {f"{key}_gt": value for key, value in _in_frame(truth).items()}
 
 
+def _in_frame(samples: SurfaceSamples) -> dict[str, float]:
+    found = topology(samples.mesh)
+    return found | {"volume": found["volume"] / samples.frame.scale**3}
+
+
+@remembered
 def topology(mesh: LabelledMesh) -> dict[str, float]:
     """Components, Euler characteristic and signed volume of one mesh. Vertices that no face uses do not count."""
     if mesh.is_empty:
@@ -32,15 +38,15 @@ def topology(mesh: LabelledMesh) -> dict[str, float]:
     used[mesh.faces] = True
     count = int(used.sum())
     faces = (np.cumsum(used) - 1)[mesh.faces]
-    keys = np.sort(edge_keys(faces, count))
-    edges = keys[np.append(True, keys[1:] != keys[:-1])]
-    first, second = np.divmod(edges, count)
-    graph = coo_array((np.ones(len(edges)), (first, second)), shape=(count, count))
-    components, _ = connected_components(graph, directed=False)
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
+    corners, following = faces.T, faces.T[[1, 2, 0]]
+    ends = np.minimum(corners, following).reshape(-1), np.maximum(corners, following).reshape(-1)
+    edges = coo_array((np.ones(faces.size), ends), shape=(count, count)).tocsr()  # once each, whatever faces they have
+    components, _ = connected_components(edges, directed=False)
+    vertices = mesh.vertices[used].astype(np.float64)
+    a, b, c = (vertices - vertices.mean(axis=0))[faces.T]
     volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
     return {
         "components": float(components),
-        "euler": float(count - len(edges) + len(faces)),
+        "euler": float(count - edges.nnz + len(faces)),
         "volume": volume.item(),
     }
