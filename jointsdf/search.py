@@ -117,9 +117,9 @@ def _judge(grid: Grid, bounds: Float[ndarray, "b b b"], judged: Judged, stride: 
     values = grid.corner_values(judged.blocks, stride)
     sizes = np.abs(values)
     allowed = np.min([(sizes / reach).max(axis=1) for reach in REACH], axis=0) / (stride * grid.spacing)
-    too_steep = allowed > bounds[tuple((judged.blocks * stride // grid.stride).T)]
-    skipped = ~mixed(values) & (too_steep | (sizes.min(axis=1) > judged.bends))
-    bends = np.where(too_steep, np.inf, judged.bends)
+    ruled_out = allowed > bounds[tuple((judged.blocks * stride // grid.stride).T)]
+    skipped = ~mixed(values) & (ruled_out | (sizes.min(axis=1) > judged.bends))
+    bends = np.where(ruled_out, np.inf, judged.bends)
     return judged.blocks[~skipped], Judged(judged.blocks[skipped], bends[skipped])
 
 
