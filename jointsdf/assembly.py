@@ -18,6 +18,7 @@ from torch.utils.tensorboard import SummaryWriter
 from jointsdf import run_folder, shapes
 from jointsdf.board import Preview
 from jointsdf.checks import check, number_keys
+from jointsdf.cloud import Cloud
 from jointsdf.data import ShapeDataModule
 from jointsdf.evaluation import Protocol
 from jointsdf.extraction import Extraction
@@ -25,6 +26,7 @@ from jointsdf.field import JointField, first_line
 from jointsdf.machine import choose_backward
 from jointsdf.module import JointSDFModule
 from jointsdf.sampling import Counts
+from jointsdf.shapes.report import LADDER
 from jointsdf.surfaces import relative_area
 from jointsdf.values import InputError, Shape
 from jointsdf.viewing.render import compare
@@ -122,7 +124,22 @@ def shared_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
 def trunk_rate(cfg: DictConfig, shape: Shape) -> float:
     """Factor on the trunk's learning rates: the same points a step are spread thinner over a larger surface."""
     most = cfg.trainer.full_rate_area
-    return 1.0 if most is None else min(1.0, most / relative_area(shape.mesh))
+    if most is None:
+        return 1.0
+    if not knows_mesh(cfg):
+        cloud = Cloud.of(shape.mesh, count=cfg.data.cloud_size, seed=cfg.seed)
+        return min(1.0, most / cloud.relative_area())
+    return min(1.0, most / relative_area(shape.mesh))
+
+
+def first_resolution(cfg: DictConfig) -> int | str:
+    """The grid to begin with: without the mesh its thinnest wall is not known, and the fitted surface alone decides."""
+    return LADDER[0] if cfg.extraction.resolution == "auto" and not knows_mesh(cfg) else cfg.extraction.resolution
+
+
+def knows_mesh(cfg: DictConfig) -> bool:
+    """Whether a run may take more from the mesh than points and labels."""
+    return bool(cfg.data.distances == "mesh")
 
 
 def stored_truth(folder: Path) -> tuple[DictConfig, Shape]:

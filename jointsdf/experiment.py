@@ -73,7 +73,7 @@ def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
     with watch("prepare"):
         torch.manual_seed(cfg.seed)
         data, module = assembly.build(cfg, shape)
-        report = mesh_report(shape, data.cloud.normalisation.scale, cfg.extraction.resolution)
+        report = mesh_report(shape, data.cloud.normalisation.scale, assembly.first_resolution(cfg))
         measures = assembly.measures(cfg, report.resolution)
         machine = machine_facts(cfg, module)
         report.log()

@@ -225,6 +225,15 @@ def test_rates_fall_on_a_large_surface_and_a_limit_out_of_reach_decides_nothing(
     assert assembly.trunk_rate(config("trainer.full_rate_area=20"), shape) == 1
     assert assembly.trunk_rate(config("trainer.full_rate_area=6"), shape) == pytest.approx(6 / 12.77, abs=1e-3)
     runs = (config(f"trainer.full_rate_area={limit}") for limit in ("null", 20, 6))
+    by_points = assembly.trunk_rate(config("trainer.full_rate_area=6", "data.distances=cloud"), shape)
+    assert by_points == pytest.approx(6 / 12.77, rel=0.05)
+    assert by_points != assembly.trunk_rate(config("trainer.full_rate_area=6"), shape)
     free, far, near = (assembly.settings_of(run, shape)[1]["trainer"] for run in runs)
     assert free == far == {key: value for key, value in near.items() if key != "full_rate_area"}
     assert near["full_rate_area"] == 6
+
+
+def test_the_grid_begins_without_the_thinnest_wall_where_only_points_are_given() -> None:
+    assert assembly.first_resolution(config()) == "auto"
+    assert assembly.first_resolution(config("recipe=points")) == 256
+    assert assembly.first_resolution(config("recipe=points", "extraction.resolution=384")) == 384

@@ -88,3 +88,5 @@ def test_relative_area_of_a_box(scale: float) -> None:
     box = trimesh.creation.box(scale * np.array([4.0, 2.0, 1.0]))
     mesh = LabelledMesh(np.array(box.vertices), np.array(box.faces), np.zeros(12, dtype=np.int64))
     assert relative_area(mesh) == pytest.approx(2 * (8 + 4 + 2) / 4)
+    cloud = Cloud.of(mesh, count=30_000, seed=0, border_points=0)
+    assert cloud.relative_area() == pytest.approx(2 * (8 + 4 + 2) / 4, rel=0.02)
