@@ -38,9 +38,11 @@ class ClosestPoint:
         assert not mesh.is_empty, "no distance to an empty mesh"
         self.vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
         self.faces = np.ascontiguousarray(mesh.faces, dtype=np.int64)
-        corners, self._whole = cut(self.vertices[self.faces], LONG * float(np.ptp(self.vertices, axis=0).max()))
-        pieces = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
-        self._pieces = (self.vertices, self.faces) if len(corners) == len(self.faces) else pieces
+        longest = LONG * float(np.ptp(self.vertices, axis=0).max())
+        self._pieces, self._whole = (self.vertices, self.faces), np.arange(len(self.faces))
+        if igl.edge_lengths(self.vertices, self.faces).max() > longest:
+            corners, self._whole = cut(self.vertices[self.faces], longest)
+            self._pieces = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
         self._tree = igl.AABB()
         self._tree.init(*self._pieces)
 
