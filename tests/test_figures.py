@@ -95,6 +95,18 @@ def test_time_quality_has_each_run_and_each_mean(group: Group) -> None:
     assert "Measured on: a machine" in drawing.caption
 
 
+def test_time_quality_leaves_out_the_labels_of_a_baseline_without_any() -> None:
+    bare = {"miou": math.nan, "miou_exact": math.nan}
+    flat = [
+        replace(row, head="none", scores={"unit": row.scores["unit"] | bare}) for row in rows() if row.head == "relu"
+    ]
+    (group,) = split(collect([*rows(), *flat]))
+    drawing = time_quality(group)
+    assert drawing is not None
+    large = [line.get_xydata()[0] for line in drawing.figure.axes[1].lines if line.get_markersize() > 6]
+    assert [bool(np.isfinite(point).all()) for point in large] == [False, True, True, True]
+
+
 def test_part_count_has_a_mean_in_each_range(group: Group) -> None:
     drawing = part_count(group)
     assert drawing is not None

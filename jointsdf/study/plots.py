@@ -1,7 +1,6 @@
 """Figures of the rows alone: metrics by head, one against another, against time and against the number of parts."""
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
@@ -21,7 +20,7 @@ from jointsdf.study.columns import (
 from jointsdf.study.drawing import INK, PALE, STYLE, Drawing, legend, look, panels
 from jointsdf.study.groups import Comparison, Group, compare
 from jointsdf.study.marks import REFERENCES, boxes, by_parts, scatter
-from jointsdf.study.statistics import per_shape
+from jointsdf.study.statistics import per_shape, summarise
 
 COMPARED = (CD_L1, CD_L1_OVER_FLOOR, NC, F1, MIOU, MIOU_EXACT, ACC, CONSISTENCY)
 ERRORS = ((CD_L1, MIOU), (CD_L1_OVER_FLOOR, MIOU_EXACT))
@@ -78,9 +77,8 @@ def time_quality(group: Group) -> Drawing | None:
         for ax, column in zip(axes, columns, strict=True):
             scatter(ax, comparison, SECONDS, column, error=False)
             for head in comparison.heads:
-                means = [
-                    np.nanmean([*per_shape(comparison.of(head), name.metric).values()]) for name in (SECONDS, column)
-                ]
+                runs = comparison.of(head)
+                means = [summarise(per_shape(runs, name.metric).values()).mean for name in (SECONDS, column)]
                 style = look(head, comparison.heads)
                 ax.plot(*means, marker=style["marker"], color=style["color"], markersize=10, mec=INK, mew=1.0, zorder=5)
         legend(figure, comparison.heads)
