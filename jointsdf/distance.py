@@ -19,9 +19,7 @@ FAR = 0.01  # distance from which a sign is put to the vote, of the longest side
 NEIGHBOURS = 6  # of a point, itself included, in the vote
 PIECES = 100_000  # of the faces of a mesh at most, unless it has more faces, cut for the search tree
 LONG = 1 / 8  # edge above which a face is cut, of the longest side
-BINS = np.uint16(
-    40
-)  # along each axis, their cube within 16 bits: points of a bin meet the same branches of a search tree
+BINS = np.uint16(40)  # along each axis, their cube within 16 bits; points of one meet the same branches of a tree
 
 
 class ClosestPoint:

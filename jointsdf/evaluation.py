@@ -92,7 +92,7 @@ class GroundTruth:
 
     def _by_protocol(self, scores: Callable[[str], dict[str, float]]) -> Scores:
         """All at once: what is sorted, gathered or built on one core leaves another one free."""
-        _ = self.samples
+        _ = self.samples  # made here, not by two threads at once
         with ThreadPoolExecutor() as pool:
             return dict(zip(self.protocols, pool.map(scores, self.protocols), strict=True))
 
