@@ -126,10 +126,11 @@ def trunk_rate(cfg: DictConfig, shape: Shape) -> float:
     most = cfg.trainer.full_rate_area
     if most is None:
         return 1.0
-    if not knows_mesh(cfg):
-        cloud = Cloud.of(shape.mesh, count=cfg.data.cloud_size, seed=cfg.seed)
-        return min(1.0, most / cloud.relative_area())
-    return min(1.0, most / relative_area(shape.mesh))
+    if knows_mesh(cfg):
+        area = relative_area(shape.mesh)
+    else:
+        area = Cloud.of(shape.mesh, count=cfg.data.cloud_size, seed=cfg.seed).relative_area()
+    return min(1.0, most / area)
 
 
 def first_resolution(cfg: DictConfig) -> int | str:

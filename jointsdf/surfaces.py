@@ -75,8 +75,14 @@ def edge_keys(faces: Int[ndarray, "f 3"], vertices: int) -> Int[ndarray, " e"]:
         faces: Vertex indices, 64 bits.
         vertices: How many vertices there are.
     """
+    lower, higher = edge_ends(faces)
+    return lower * vertices + higher
+
+
+def edge_ends(faces: Int[ndarray, "f 3"]) -> tuple[Int[ndarray, " e"], Int[ndarray, " e"]]:
+    """The lower and the higher vertex of each edge of each face, the edges of a face one after the other."""
     following = np.roll(faces, -1, axis=1)
-    return (np.minimum(faces, following) * vertices + np.maximum(faces, following)).reshape(-1)
+    return np.minimum(faces, following).reshape(-1), np.maximum(faces, following).reshape(-1)
 
 
 def border_edges(mesh: LabelledMesh) -> Int[ndarray, "e 2"]:

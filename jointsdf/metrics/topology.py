@@ -7,6 +7,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from jointsdf.metrics import remembered
+from jointsdf.surfaces import edge_ends
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
 
@@ -38,9 +39,7 @@ def topology(mesh: LabelledMesh) -> dict[str, float]:
     used[mesh.faces] = True
     count = int(used.sum())
     faces = (np.cumsum(used) - 1)[mesh.faces]
-    corners, following = faces.T, faces.T[[1, 2, 0]]
-    ends = np.minimum(corners, following).reshape(-1), np.maximum(corners, following).reshape(-1)
-    edges = coo_array((np.ones(faces.size), ends), shape=(count, count)).tocsr()  # once each, whatever faces they have
+    edges = coo_array((np.ones(faces.size), edge_ends(faces)), shape=(count, count)).tocsr()  # each once
     components, _ = connected_components(edges, directed=False)
     vertices = mesh.vertices[used].astype(np.float64)
     a, b, c = (vertices - vertices.mean(axis=0))[faces.T]
