@@ -8,7 +8,7 @@ from numpy import ndarray
 from numpy.random import Generator, Philox
 from scipy.spatial import KDTree
 
-from jointsdf.surfaces import area_uniform, face_normals, near_borders
+from jointsdf.surfaces import area_uniform, face_areas, face_normals, near_borders
 from jointsdf.values import BOX, UNLABELLED, InputError, LabelledMesh, Normalisation
 
 POOL_SCALES = (-3.0, -1.0)  # log10 of the narrowest and widest near-surface noise of the pool, network length units
@@ -66,7 +66,7 @@ class Cloud:
             raise InputError(f"data.cloud_size={count}: must be at least 2")
         if not 0 <= label_fraction <= 1:
             raise InputError(f"data.label_fraction={label_fraction}: must be between 0 and 1")
-        points, faces = area_uniform(mesh.vertices, mesh.faces, count, stream(seed, CLOUD))
+        points, faces = area_uniform(mesh.vertices, mesh.faces, face_areas(mesh), count, stream(seed, CLOUD))
         centre = points.mean(axis=0)
         normalisation = Normalisation(centre, float(np.abs(points - centre).max()))
         if border_points:

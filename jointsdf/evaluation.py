@@ -8,14 +8,16 @@ from functools import cached_property
 
 import numpy as np
 
-from jointsdf.metrics import Metric
-from jointsdf.surfaces import area_uniform, face_normals
+from jointsdf.metrics import Metric, remembered
+from jointsdf.surfaces import area_uniform, face_areas, face_normals
 from jointsdf.values import UNMOVED, InputError, LabelledMesh, Normalisation, SurfaceSamples
 
 # Evaluation has seeds of its own, so that all heads and seeds of a shape meet the same ground truth samples. The floor
 # is sampled like a prediction: a perfect prediction scores exactly its floor.
 TRUTH_SEED = 1_000_001
 PREDICTED_SEED = 1_000_002
+
+_areas = remembered(face_areas)
 
 FRAMES = ("truth", "own")
 Scores = dict[str, dict[str, float]]  # protocol -> column -> value
@@ -146,7 +148,6 @@ def sample_surface(mesh: LabelledMesh, count: int, seed: int, frame: Normalisati
     nothing = SurfaceSamples(mesh, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), frame)
     if mesh.is_empty:
         return nothing
-    vertices = frame.forward(mesh.vertices.astype(np.float64))
-    points, faces = area_uniform(vertices, mesh.faces, count, np.random.default_rng(seed))
-    normals = face_normals(vertices, mesh.faces[faces])
-    return SurfaceSamples(mesh, points, normals, faces, frame) if normals.any() else nothing
+    points, faces = area_uniform(mesh.vertices, mesh.faces, _areas(mesh), count, np.random.default_rng(seed))
+    normals = face_normals(mesh.vertices.astype(np.float64), mesh.faces[faces])
+    return SurfaceSamples(mesh, frame.forward(points), normals, faces, frame) if normals.any() else nothing

@@ -12,14 +12,17 @@ BORDER_SCALES = (-3.3, -1.3)  # log10 of the narrowest and widest noise about a 
 
 
 def area_uniform(
-    vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], count: int, generator: Generator
+    vertices: Float[ndarray, "v 3"],
+    faces: Int[ndarray, "f 3"],
+    areas: Float[ndarray, " f"],
+    count: int,
+    generator: Generator,
 ) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:
-    """Points uniform by area on a triangle mesh, in its own frame, and the face of each."""
-    a, b, c = vertices[faces.T]
-    chosen = _weighted(np.linalg.norm(np.cross(b - a, c - a), axis=1), count, generator)
+    """Points uniform by area on a triangle mesh, in its own frame, and the face of each; the areas up to a factor."""
+    chosen = _weighted(areas, count, generator)
     s, t = generator.random((2, count, 1))
     s, t = np.where(s + t > 1, 1 - s, s), np.where(s + t > 1, 1 - t, t)
-    a, b, c = a[chosen], b[chosen], c[chosen]
+    a, b, c = vertices[faces[chosen].T].astype(np.float64)
     return a + s * (b - a) + t * (c - a), chosen
 
 
@@ -32,7 +35,7 @@ def face_normals(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) ->
 
 def face_areas(mesh: LabelledMesh) -> Float[ndarray, " f"]:
     """Area of each face, mesh units squared."""
-    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    a, b, c = mesh.vertices.astype(np.float64)[mesh.faces.T]
     return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
 

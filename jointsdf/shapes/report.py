@@ -137,7 +137,7 @@ def mesh_report(shape: Shape, scale: float, resolution: int | str) -> MeshReport
     order = np.argsort(-part_areas, kind="stable")
     vertices, size = _in_box(mesh)
     corners = vertices[mesh.faces]
-    points, faces = area_uniform(vertices, mesh.faces, SAMPLES, np.random.default_rng(0))
+    points, faces = area_uniform(vertices, mesh.faces, areas, SAMPLES, np.random.default_rng(0))
     normals = face_normals(vertices, mesh.faces)[faces]
     inward, outward = _reach(corners, points, -normals), _reach(corners, points, normals)
     near = (inward < CONTACT) | (outward < CONTACT)
