@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import extraction, measures, overhead, quality, step
+from benchmarks import extraction, measures, overhead, progress, quality, step
+from benchmarks.scene import composed
 from benchmarks.table import Row, interleaved, table
+from jointsdf.experiment import run
 
 
 @pytest.fixture(scope="module")
@@ -60,10 +62,30 @@ def test_measures_are_the_same_together_and_alone():
     assert together.target is allowed.target is None
 
 
+SMALL = ("data.pool_size=2000", "data.cloud_size=2000", "data.border_points=2000", "extraction.resolution=24")
+COUNTS = [f"data.counts.{name}=50" for name in ("manifold", "non_manifold", "shell", "pool")]
+
+
+def test_progress_is_what_the_previews_measured(tmp_path: Path):
+    outputs = [f"paths.outputs={tmp_path}", *SMALL, *COUNTS, "trainer.max_steps=6"]
+    row = run(composed("trainer.preview_every=2", *outputs))
+    folder = tmp_path / "fast" / "base" / "siren" / "part_01" / "seed0"
+    progress.main([str(tmp_path / "to"), str(folder)])
+    with (tmp_path / "to" / "progress.csv").open() as file:
+        found = list(csv.DictReader(file))
+    assert [(point["recipe"], point["shape"], point["step"]) for point in found] == [
+        ("fast", "part_01", "2"),
+        ("fast", "part_01", "4"),
+    ]
+    assert float(found[0]["seconds"]) == pytest.approx(row.seconds["fit"] / 3, abs=0.06)
+    assert (tmp_path / "to" / "progress.png").stat().st_size > 1000
+    run(composed("variant=blind", *outputs))
+    with pytest.raises(SystemExit, match="no previews"):
+        progress.main([str(tmp_path / "to"), str(tmp_path / "fast" / "blind" / "siren" / "part_01" / "seed0")])
+
+
 def test_quality_gives_seconds_memory_and_scores_and_claims_nothing_of_smaller_runs():
-    small = ("data.pool_size=2000", "data.cloud_size=2000", "data.border_points=2000", "trainer.max_steps=2")
-    counts = [f"data.counts.{name}=50" for name in ("manifold", "non_manifold", "shell", "pool")]
-    rows = quality.rows(("part_01",), prefix=2, overrides=(*small, *counts, "extraction.resolution=24"))
+    rows = quality.rows(("part_01",), prefix=2, overrides=(*SMALL, *COUNTS, "trainer.max_steps=2"))
     assert [row.what for row in rows if row.against == "allowed seconds"] == ["fast, part_01"]
     assert [row.what for row in rows if row.against == "its floor"] == [
         "fast, part_01: cd_l1",

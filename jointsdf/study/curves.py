@@ -15,7 +15,7 @@ from jointsdf.study.groups import Comparison, Group, compare
 BOARD, PREFIX, TOTAL = "tb", "loss/", "total"
 log = logging.getLogger(__name__)
 
-Curves = dict[str, pd.Series]  # loss term -> value by step
+Curves = dict[str, pd.Series]  # name -> value by step
 
 
 def run_folder(outputs: Path, run: pd.Series) -> Path:
@@ -48,8 +48,8 @@ def loss_curves(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]
     return _draw(comparison, found), missing
 
 
-def read_curves(folder: Path) -> Curves:
-    """Every loss term in a folder of event files; empty where there is none."""
+def read_curves(folder: Path, prefix: str = PREFIX) -> Curves:
+    """Every loss term in a folder of event files, or whatever has the prefix; empty where there is none."""
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
     if not any(folder.glob("events.*")):
@@ -59,9 +59,9 @@ def read_curves(folder: Path) -> Curves:
     events.Reload()
     curves = {}
     for tag in events.Tags()["scalars"]:
-        if tag.startswith(PREFIX):
+        if tag.startswith(prefix):
             by_step = {event.step: event.value for event in events.Scalars(tag)}  # a resumed run: its last word
-            curves[tag.removeprefix(PREFIX)] = pd.Series(by_step, dtype=float).sort_index()
+            curves[tag.removeprefix(prefix)] = pd.Series(by_step, dtype=float).sort_index()
     return curves
 
 

@@ -1,0 +1,75 @@
+"""`python -m benchmarks.progress FOLDER RUN...`: how good runs on one shape were on their way, whatever their recipe.
+
+From the previews in the TensorBoard logs of the run folders (`trainer.preview_every=100`): a coarse mesh each time, so
+that the numbers compare runs with each other and not with results. Writes progress.csv and progress.png to FOLDER.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import pandas as pd
+
+from jointsdf.run_folder import BOARD, stored_row
+from jointsdf.study.curves import read_curves
+from jointsdf.study.drawing import COLOURS, MARKERS, STYLE, panels
+from jointsdf.values import InputError
+
+PREVIEWS = "preview_64/"
+LABELS = {"cd_l1": "cd_l1 (x 1e-2)", "nc": "nc", "miou": "miou"}
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Read the runs, write the table and the figure."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.progress", description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("runs", type=Path, nargs="+")
+    chosen = parser.parse_args(arguments)
+    try:
+        found = pd.concat([progress(run) for run in chosen.runs])
+    except InputError as error:
+        sys.exit(str(error))
+    chosen.folder.mkdir(parents=True, exist_ok=True)
+    found.to_csv(chosen.folder / "progress.csv", index=False, float_format="%.6g")
+    draw(found, chosen.folder / "progress.png")
+
+
+def progress(run: Path) -> pd.DataFrame:
+    """A run's previews: recipe, shape, step, seconds of the fit till then, and the coarse measures.
+
+    Args:
+        run: Folder of a finished run.
+
+    Raises:
+        InputError: The run is not finished, or was made without previews.
+    """
+    row = stored_row(run)
+    curves = read_curves(run / BOARD, PREVIEWS)
+    if not curves:
+        raise InputError(f"{run / BOARD}: no previews; trainer.preview_every=100 makes them")
+    table = pd.DataFrame(curves).rename_axis("step").reset_index()
+    seconds = (row.seconds["fit"] * table["step"] / row.steps).round(1)
+    table.insert(1, "seconds", seconds)
+    table.insert(0, "recipe", row.recipe)
+    table.insert(1, "shape", row.shape)
+    return table
+
+
+def draw(found: pd.DataFrame, path: Path) -> None:
+    """Each measure over the seconds of the fit, a line per recipe."""
+    with mpl.rc_context(STYLE):
+        figure, axes = panels(1, len(LABELS), 2.2)
+        for ax, (column, label) in zip(axes, LABELS.items(), strict=True):
+            for place, (recipe, runs) in enumerate(found.groupby("recipe", sort=False)):
+                style = {"color": COLOURS[place + 1], "marker": MARKERS[place + 1], "markersize": 3}
+                ax.plot(runs["seconds"], runs[column], label=recipe, **style)
+            ax.set(xscale="log", xlabel="seconds of the fit", title=label)
+        axes[0].set_yscale("log")
+        axes[0].legend()
+        figure.savefig(path, dpi=160)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
