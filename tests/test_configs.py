@@ -182,6 +182,19 @@ def test_loss_joint_is_flatcads_forms_divided_and_with_exact_distances() -> None
     assert config("recipe=fast").data.counts.pool == 2500
 
 
+def test_loss_near_is_joint_but_for_the_distances() -> None:
+    near, joint = plain(config("loss=near").loss), plain(config("loss=joint").loss)
+    assert near["weights"].pop("signed_distance") == 35000
+    assert near["terms"].pop("signed_distance") == {
+        "_target_": "jointsdf.losses.near_distance.NearDistance",
+        "band": 0.01,
+        "side": 0.5,
+        "clear": 0.1,
+    }
+    del joint["weights"]["signed_distance"], joint["terms"]["signed_distance"]
+    assert near == joint
+
+
 def test_points_takes_nothing_from_the_mesh_but_points_and_labels() -> None:
     cfg = config("recipe=points")
     assert cfg.data.distances == "cloud"
