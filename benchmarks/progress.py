@@ -12,13 +12,13 @@ from pathlib import Path
 import matplotlib as mpl
 import pandas as pd
 
-from jointsdf.run_folder import BOARD, stored_row
+from jointsdf.run_folder import BOARD, read_config, stored_row
+from jointsdf.study.columns import CD_L1, MIOU, NC
 from jointsdf.study.curves import read_curves
-from jointsdf.study.drawing import COLOURS, MARKERS, STYLE, panels
+from jointsdf.study.drawing import COLOURS, MARKERS, PNG_DPI, STYLE, panels
 from jointsdf.values import InputError
 
-PREVIEWS = "preview_64/"
-LABELS = {"cd_l1": "cd_l1 (x 1e-2)", "nc": "nc", "miou": "miou"}
+SHOWN = (CD_L1, NC, MIOU)
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -46,7 +46,7 @@ def progress(run: Path) -> pd.DataFrame:
         InputError: The run is not finished, or was made without previews.
     """
     row = stored_row(run)
-    curves = read_curves(run / BOARD, PREVIEWS)
+    curves = read_curves(run / BOARD, f"preview_{read_config(run)['trainer']['preview_resolution']}/")
     if not curves:
         raise InputError(f"{run / BOARD}: no previews; trainer.preview_every=100 makes them")
     table = pd.DataFrame(curves).rename_axis("step").reset_index()
@@ -60,15 +60,15 @@ def progress(run: Path) -> pd.DataFrame:
 def draw(found: pd.DataFrame, path: Path) -> None:
     """Each measure over the seconds of the fit, a line per recipe."""
     with mpl.rc_context(STYLE):
-        figure, axes = panels(1, len(LABELS), 2.2)
-        for ax, (column, label) in zip(axes, LABELS.items(), strict=True):
+        figure, axes = panels(1, len(SHOWN), 2.2)
+        for ax, column in zip(axes, SHOWN, strict=True):
             for place, (recipe, runs) in enumerate(found.groupby("recipe", sort=False)):
                 style = {"color": COLOURS[place + 1], "marker": MARKERS[place + 1], "markersize": 3}
-                ax.plot(runs["seconds"], runs[column], label=recipe, **style)
-            ax.set(xscale="log", xlabel="seconds of the fit", title=label)
+                ax.plot(runs["seconds"], runs[column.metric], label=recipe, **style)
+            ax.set(xscale="log", xlabel="seconds of the fit", title=column.header)
         axes[0].set_yscale("log")
         axes[0].legend()
-        figure.savefig(path, dpi=160)
+        figure.savefig(path, dpi=PNG_DPI)
 
 
 if __name__ == "__main__":

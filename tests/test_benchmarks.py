@@ -68,7 +68,7 @@ COUNTS = [f"data.counts.{name}=50" for name in ("manifold", "non_manifold", "she
 
 def test_progress_is_what_the_previews_measured(tmp_path: Path):
     outputs = [f"paths.outputs={tmp_path}", *SMALL, *COUNTS, "trainer.max_steps=6"]
-    row = run(composed("trainer.preview_every=2", *outputs))
+    row = run(composed("trainer.preview_every=2", "trainer.preview_resolution=16", *outputs))
     folder = tmp_path / "fast" / "base" / "siren" / "part_01" / "seed0"
     progress.main([str(tmp_path / "to"), str(folder)])
     with (tmp_path / "to" / "progress.csv").open() as file:

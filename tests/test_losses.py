@@ -136,18 +136,14 @@ def test_sign_agnostic_by_hand() -> None:
     assert SignAgnostic(50.0)(step).item() == pytest.approx((1 + math.exp(-0.5) + math.exp(-1)) / 3, rel=1e-12)
 
 
-def test_signed_distance_by_hand() -> None:
-    step = Step(
-        {"pool": FieldValues(torch.tensor([1.0, -1.0, 0.0]))},
-        torch.zeros(0, dtype=torch.int64),
-        torch.tensor([0.0, -1.0, 0.5]),
-    )
-    assert SignedDistance()(step).item() == 0.5
-
-
 def pool_step(found: Tensor, known: list[float]) -> Step:
     nothing = torch.zeros(0, dtype=torch.int64)
     return Step({"pool": FieldValues(found)}, nothing, torch.tensor(known, dtype=torch.float64))
+
+
+def test_signed_distance_by_hand() -> None:
+    step = pool_step(torch.tensor([1.0, -1.0, 0.0], dtype=torch.float64), [0.0, -1.0, 0.5])
+    assert SignedDistance()(step).item() == 0.5
 
 
 def test_near_distance_by_hand() -> None:
