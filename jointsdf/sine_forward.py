@@ -6,6 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from jointsdf.layers import cosine, sine_
+
 
 @dataclass(frozen=True)
 class Layers:
@@ -51,8 +53,8 @@ def value(net: Layers, record: Record) -> Float[Tensor, " n"]:
     hidden = record.points
     for weight, bias in zip(net.weights, net.biases, strict=True):
         argument = torch.addmm(bias, hidden, weight.T)
-        record.cosines.append(argument.cos())
-        hidden = argument.sin_()
+        record.cosines.append(cosine(argument))
+        hidden = sine_(argument)
         record.sines.append(hidden)
     return torch.addmv(net.offset, hidden, net.output[0])
 
@@ -60,9 +62,9 @@ def value(net: Layers, record: Record) -> Float[Tensor, " n"]:
 def gradient(net: Layers, record: Record) -> Float[Tensor, "n 3"]:
     """Its gradient, after `value`; records g_i."""
     adjoint = net.output.expand_as(record.sines[-1])
-    for weight, cosine in zip(reversed(net.weights), reversed(record.cosines), strict=True):
+    for weight, c in zip(reversed(net.weights), reversed(record.cosines), strict=True):
         record.adjoints.insert(0, adjoint)
-        adjoint = (cosine * adjoint) @ weight
+        adjoint = (c * adjoint) @ weight
     return adjoint
 
 
@@ -70,9 +72,9 @@ def hessian_vector(net: Layers, record: Record) -> Float[Tensor, "n 3"]:
     """H u, after `gradient`, u being the first tangent of the record's frame; records p_i and q_i."""
     assert record.frame is not None
     tangent = record.frame[0]
-    for weight, cosine in zip(net.weights, record.cosines, strict=True):
+    for weight, c in zip(net.weights, record.cosines, strict=True):
         record.argument_tangents.append(tangent @ weight.T)
-        tangent = cosine * record.argument_tangents[-1]
+        tangent = c * record.argument_tangents[-1]
     record.adjoint_tangents = [None] * len(net.weights)
     for i in range(len(net.weights) - 1, 0, -1):
         record.adjoint_tangents[i - 1] = record.curvature(i) @ net.weights[i]

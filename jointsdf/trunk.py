@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from jointsdf.derivatives import trace
-from jointsdf.layers import SineLayer, hidden_sine, start_uniform
+from jointsdf.layers import SineLayer, hidden_sine, sine_, start_uniform
 from jointsdf.values import BOX, InputError
 
 SPHERE_RADIUS = 0.5  # network length units; about the size of a part in its box
@@ -77,7 +77,7 @@ class SirenTrunk(nn.Module):
         """Signed distance alone, network frame: each layer overwrites the one before it, nothing is kept."""
         hidden = points
         for layer in self.sine_layers:
-            hidden = layer.linear(hidden).mul_(layer.omega).sin_()
+            hidden = sine_(layer.linear(hidden).mul_(layer.omega))
         sdf: Tensor = self.output(hidden).squeeze(-1)
         return sdf
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import nn
 
-from jointsdf.layers import SineLayer, classifier, hidden_sine, kaiming
+from jointsdf.layers import FEW_THREADS, SineLayer, classifier, cosine, hidden_sine, kaiming, sine_
 
 
 def fills(parameter: torch.Tensor, bound: float) -> bool:
@@ -67,3 +67,20 @@ def test_activations_keep_siren_distribution_through_the_layers() -> None:
         assert hidden.square().mean().item() == pytest.approx(power, rel=0.1), f"layer {index}"
         assert abs(hidden.mean().item()) < 0.05
         power = (1 - math.exp(-2 * (2 * power + 1 / (3 * width)))) / 2
+
+
+@pytest.mark.parametrize("threads", [1, FEW_THREADS + 1])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_sine_and_cosine_are_as_exact_as_their_numbers(threads: int, dtype: torch.dtype) -> None:
+    before = torch.get_num_threads()
+    torch.set_num_threads(threads)
+    try:
+        argument = 40 * torch.randn(1001, 16, generator=torch.Generator().manual_seed(0), dtype=dtype)
+        exact = argument.double().clone()
+        found_cosine, found_sine = cosine(argument), sine_(argument)
+    finally:
+        torch.set_num_threads(before)
+    assert found_sine is argument
+    atol = 1e-7 if dtype is torch.float32 else 1e-15
+    torch.testing.assert_close(found_sine.double(), torch.sin(exact), rtol=0, atol=atol)
+    torch.testing.assert_close(found_cosine.double(), torch.cos(exact), rtol=0, atol=atol)
