@@ -28,7 +28,7 @@ def evaluate(field: ScalarField, samples: Samples) -> Step:
     u, v = tangent_frame(normalize(grad.detach(), dim=-1), samples.angles)
     mixed = autograd_mixed(field, again, u, v)
     fields["shell"] = FieldValues(fields["shell"].sdf, grad, mixed)
-    return Step(fields, samples.labels, samples.pool_distances)
+    return Step(fields, samples.labels, samples.normals, samples.pool_distances)
 
 
 def _with_gradient(field: ScalarField, points: Float[Tensor, "n 3"]) -> FieldValues:

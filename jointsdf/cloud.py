@@ -8,11 +8,12 @@ from numpy import ndarray
 from numpy.random import Generator, Philox
 from scipy.spatial import KDTree
 
+from jointsdf.regions import face_graph, smooth_regions
 from jointsdf.surfaces import area_uniform, face_areas, face_normals, near_borders
 from jointsdf.values import BOX, UNLABELLED, InputError, LabelledMesh, Normalisation
 
 POOL_SCALES = (-3.0, -1.0)  # log10 of the narrowest and widest near-surface noise of the pool, network length units
-CLOUD, POOL, LABELS, STEPS, BORDERS = range(5)  # one random stream each
+CLOUD, POOL, LABELS, STEPS, BORDERS, REGIONS = range(6)  # one random stream each
 
 
 def stream(seed: int, purpose: int, step: int = 0) -> Generator:
@@ -31,12 +32,14 @@ class Cloud:
     """The training cloud: what the network is told of the surface.
 
     Attributes:
-        points: In the network frame; the first `uniform` of them uniform by area, the others near part borders.
+        points: In the network frame: `uniform` of them uniform by area, then `regional` spread over the smooth regions,
+            the others near part borders.
         normals: Unit normals of the points' faces.
         labels: Class index 0..K-1, -1 where unlabelled.
         part_ids: Original id of each class, ascending.
         normalisation: File frame -> network frame: the cloud's mean, and its largest |coordinate| about it.
         uniform: Number of points that are uniform by area.
+        regional: Number of points that are spread over the smooth regions, so that small ones have their share.
     """
 
     points: Float[ndarray, "n 3"]
@@ -45,10 +48,18 @@ class Cloud:
     part_ids: Int[ndarray, " k"]
     normalisation: Normalisation
     uniform: int
+    regional: int = 0
 
     @classmethod
     def of(
-        cls, mesh: LabelledMesh, *, count: int, seed: int, label_fraction: float = 1.0, border_points: int = 0
+        cls,
+        mesh: LabelledMesh,
+        *,
+        count: int,
+        seed: int,
+        label_fraction: float = 1.0,
+        region_points: int = 0,
+        border_points: int = 0,
     ) -> "Cloud":
         """Draw the cloud of a ground-truth mesh in the file frame.
 
@@ -57,6 +68,7 @@ class Cloud:
             count: Points uniform by area.
             seed: Of the run.
             label_fraction: Share of the points that keep their label.
+            region_points: Points spread over the smooth regions, beyond `count`.
             border_points: Points near part borders, beyond `count`; none where the mesh has no border.
 
         Raises:
@@ -66,19 +78,24 @@ class Cloud:
             raise InputError(f"data.cloud_size={count}: must be at least 2")
         if not 0 <= label_fraction <= 1:
             raise InputError(f"data.label_fraction={label_fraction}: must be between 0 and 1")
-        points, faces = area_uniform(mesh.vertices, mesh.faces, face_areas(mesh), count, stream(seed, CLOUD))
+        areas = face_areas(mesh)
+        points, faces = area_uniform(mesh.vertices, mesh.faces, areas, count, stream(seed, CLOUD))
         centre = points.mean(axis=0)
         normalisation = Normalisation(centre, float(np.abs(points - centre).max()))
+        drawn = [(points, faces)]
+        if region_points:
+            shares = areas / np.sqrt(region_areas(mesh))
+            drawn.append(area_uniform(mesh.vertices, mesh.faces, shares, region_points, stream(seed, REGIONS)))
         if border_points:
-            more, more_faces = near_borders(mesh, border_points, stream(seed, BORDERS))
-            points, faces = np.concatenate([points, more]), np.concatenate([faces, more_faces])
+            drawn.append(near_borders(mesh, border_points, stream(seed, BORDERS)))
+        points, faces = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
         labels = np.where(
             mesh.labels[faces] == UNLABELLED, UNLABELLED, np.searchsorted(mesh.part_ids, mesh.labels[faces])
         )
         dropped = stream(seed, LABELS).permutation(len(points))[round(len(points) * label_fraction) :]
         labels[dropped] = UNLABELLED
         normals = face_normals(mesh.vertices, mesh.faces)[faces]
-        return cls(normalisation.forward(points), normals, labels, mesh.part_ids, normalisation, count)
+        return cls(normalisation.forward(points), normals, labels, mesh.part_ids, normalisation, count, region_points)
 
     def relative_area(self) -> float:
         """Area of the surface in squares of half its longest side, by the uniform points alone.
@@ -91,16 +108,23 @@ class Cloud:
         return float(len(points) * np.pi * (nearest**2).mean() / (np.ptp(points, axis=0).max() / 2) ** 2)
 
 
+def region_areas(mesh: LabelledMesh) -> Float[ndarray, " f"]:
+    """Area of the smooth region that each face belongs to, mesh units squared."""
+    regions = smooth_regions(face_graph(mesh), None)
+    return np.asarray(np.bincount(regions, face_areas(mesh))[regions])
+
+
 def pool_points(cloud: Cloud, *, count: int, near_share: float, seed: int) -> Float[ndarray, "n 3"]:
     """Where distances are taken, network frame: a share near the surface, the rest in the whole box.
 
-    Near is Gaussian about cloud points with a width drawn log-uniform, so that every wall thickness is met. Half of the
+    Near is Gaussian about cloud points, not those of part borders, with a width drawn log-uniform, so that every wall
+    thickness is met. Half of the
     rest is uniform, half has arcsine-distributed coordinates, so that the corners of the box are met as well.
     """
     generator = stream(seed, POOL)
     near = round(count * near_share)
     widths = 10 ** generator.uniform(*POOL_SCALES, (near, 1))
-    around = cloud.points[generator.integers(cloud.uniform, size=near)]
+    around = cloud.points[generator.integers(cloud.uniform + cloud.regional, size=near)]
     near_points = np.clip(around + widths * generator.standard_normal((near, 3)), -BOX, BOX)
     anywhere = generator.uniform(-1, 1, (count - near, 3))
     anywhere[::2] = np.sin(np.pi / 2 * anywhere[::2])

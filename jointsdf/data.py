@@ -51,6 +51,7 @@ class ShapeDataModule(LightningDataModule):
         pool_size: Points with known signed distance; 0 where no term uses them.
         distances: Where those come from: `mesh`, exact; `cloud`, the training cloud alone, where it leaves no doubt.
         pool_near: Share of the pool near the surface; the rest is uniform in the box.
+        region_points: Points of the cloud spread over the smooth regions, beyond `cloud_size`.
         border_points: Points of the cloud near part borders, beyond `cloud_size`.
         label_fraction: Share of the cloud that keeps its labels.
         workers: Processes that draw samples; 0 draws in the training process.
@@ -69,12 +70,14 @@ class ShapeDataModule(LightningDataModule):
         pool_size: int,
         distances: str = "mesh",
         pool_near: float = 0.5,
+        region_points: int = 0,
         border_points: int = 0,
         label_fraction: float = 1.0,
         workers: int = 0,
     ) -> None:
         super().__init__()
-        for name, value in ("pool_size", pool_size), ("border_points", border_points), ("workers", workers):
+        sizes = {"pool_size": pool_size, "region_points": region_points, "border_points": border_points}
+        for name, value in (sizes | {"workers": workers}).items():
             if value < 0:
                 raise InputError(f"data.{name}={value}: must be at least 0")
         if distances not in ("mesh", "cloud"):
@@ -83,7 +86,12 @@ class ShapeDataModule(LightningDataModule):
             raise InputError(f"data.pool_near={pool_near}: must be between 0 and 1")
         self.workers = workers
         self.cloud = Cloud.of(
-            shape.mesh, count=cloud_size, seed=seed, label_fraction=label_fraction, border_points=border_points
+            shape.mesh,
+            count=cloud_size,
+            seed=seed,
+            label_fraction=label_fraction,
+            region_points=region_points,
+            border_points=border_points,
         )
         pool = pool_points(self.cloud, count=pool_size, near_share=pool_near, seed=seed)
         if distances == "mesh":

@@ -32,6 +32,10 @@ def identity(settings: Mapping[str, Any], **shape: str) -> dict[str, Any]:
     numbers = {name: settings[name] for name in NUMBERS}
     for group in ("trainer", "data"):
         numbers[group] = {key: value for key, value in numbers[group].items() if key not in MACHINE}
+    data = numbers["data"]
+    if data.get("region_points") == 0:  # without such points their share decides nothing
+        counts = {key: value for key, value in data["counts"].items() if key != "regions"}
+        numbers["data"] = {key: value for key, value in data.items() if key != "region_points"} | {"counts": counts}
     return numbers | {"shape": shape}
 
 

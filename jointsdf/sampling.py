@@ -26,6 +26,7 @@ class Counts:
         shell: Near the surface.
         pool: With known signed distance.
         balanced: Share of the manifold points drawn equally from every part.
+        regions: Share of them drawn from the points spread over the smooth regions, where the cloud has such points.
         borders: Share of them drawn near part borders, where the cloud has such points; the rest is uniform.
         shell_offset: Shell points are also moved along their normal by U(-offset, offset), one draw per point,
             network length units.
@@ -36,6 +37,7 @@ class Counts:
     shell: int
     pool: int
     balanced: float = 0.0
+    regions: float = 0.0
     borders: float = 0.0
     shell_offset: float = 0.0
 
@@ -48,13 +50,13 @@ class Counts:
         for name in ("manifold", "non_manifold", "shell", "pool"):
             if getattr(self, name) < 1:
                 raise InputError(f"data.counts.{name}={getattr(self, name)}: must be at least 1")
-        for name in ("balanced", "borders"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"data.counts.{name}={getattr(self, name)}: must be between 0 and 1")
-        if self.balanced + self.borders > 1:
-            raise InputError(
-                f"data.counts.balanced={self.balanced} borders={self.borders}: together they must not exceed 1"
-            )
+        shares = {name: getattr(self, name) for name in ("balanced", "regions", "borders")}
+        for name, share in shares.items():
+            if not 0 <= share <= 1:
+                raise InputError(f"data.counts.{name}={share}: must be between 0 and 1")
+        if sum(shares.values()) > 1:
+            given = " ".join(f"{name}={share}" for name, share in shares.items())
+            raise InputError(f"data.counts.{given}: together they must not exceed 1")
         if self.shell_offset < 0:
             raise InputError(f"data.counts.shell_offset={self.shell_offset}: must be at least 0")
 
@@ -101,6 +103,7 @@ class Sampler:
         return Samples(
             manifold=_float(cloud.points[manifold]),
             labels=torch.from_numpy(cloud.labels[manifold]),
+            normals=_float(cloud.normals[manifold]),
             non_manifold=_float(generator.uniform(-BOX, BOX, (counts.non_manifold, 3))),
             shell=_float(shell),
             angles=_float(generator.uniform(0, 2 * np.pi, counts.shell)),
@@ -109,7 +112,7 @@ class Sampler:
         )
 
     def _manifold(self, generator: Generator) -> Int[ndarray, " m"]:
-        """Indices into the cloud: a share balanced over the parts, a share near borders, the rest uniform."""
+        """Indices into the cloud: shares balanced over the parts, over the regions, near borders, the rest uniform."""
         counts, cloud = self.counts, self.cloud
         indices = generator.integers(cloud.uniform, size=counts.manifold)
         present = np.flatnonzero(self.class_sizes)
@@ -118,9 +121,12 @@ class Sampler:
             chosen = present[generator.integers(len(present), size=balanced)]
             within = (generator.random(balanced) * self.class_sizes[chosen]).astype(np.int64)
             indices[:balanced] = self.by_class[self.class_starts[chosen] + within]
-        bordering = round(counts.manifold * counts.borders) if len(cloud.points) > cloud.uniform else 0
+        regional, end = round(counts.manifold * counts.regions), cloud.uniform + cloud.regional
+        if regional and cloud.regional:
+            indices[balanced : balanced + regional] = generator.integers(cloud.uniform, end, size=regional)
+        bordering = round(counts.manifold * counts.borders) if len(cloud.points) > end else 0
         if bordering:
-            indices[-bordering:] = generator.integers(cloud.uniform, len(cloud.points), size=bordering)
+            indices[-bordering:] = generator.integers(end, len(cloud.points), size=bordering)
         return indices
 
 

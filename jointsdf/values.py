@@ -137,6 +137,7 @@ class Samples(NamedTuple):
     Attributes:
         manifold: Points on the surface.
         labels: Class index 0..K-1 of each manifold point, -1 where unlabelled.
+        normals: Unit normal of the mesh's face at each manifold point.
         non_manifold: Points uniform in the box.
         shell: Points near the surface.
         angles: Rotation of each shell point's tangent frame about its normal, radians.
@@ -146,6 +147,7 @@ class Samples(NamedTuple):
 
     manifold: Float[Tensor, "m 3"]
     labels: Int[Tensor, " m"]
+    normals: Float[Tensor, "m 3"]
     non_manifold: Float[Tensor, "n 3"]
     shell: Float[Tensor, "s 3"]
     angles: Float[Tensor, " s"]
@@ -177,9 +179,11 @@ class Step:
     Attributes:
         fields: Field values at each point set that an active term needs: manifold, non_manifold, shell, pool.
         labels: Class index of each manifold point, -1 where unlabelled.
+        normals: Unit normal of the mesh's face at each manifold point.
         pool_distances: Exact signed distance at the pool points, network length units.
     """
 
     fields: Mapping[str, FieldValues]
     labels: Int[Tensor, " m"]
+    normals: Float[Tensor, "m 3"]
     pool_distances: Float[Tensor, " p"]

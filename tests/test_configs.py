@@ -182,17 +182,21 @@ def test_loss_joint_is_flatcads_forms_divided_and_with_exact_distances() -> None
     assert config("recipe=fast").data.counts.pool == 2500
 
 
-def test_loss_near_is_joint_but_for_the_distances() -> None:
-    near, joint = plain(config("loss=near").loss), plain(config("loss=joint").loss)
-    assert near["weights"].pop("signed_distance") == 35000
-    assert near["terms"].pop("signed_distance") == {
+def test_loss_mesh_is_distances_and_normals_in_place_of_what_points_need() -> None:
+    loss = plain(config("loss=mesh").loss)
+    active = {name: weight for name, weight in loss["weights"].items() if weight}
+    assert active == {"dirichlet": 7000, "signed_distance": 35000, "normals": 300, "cross_entropy": 100}
+    assert loss["terms"].pop("signed_distance") == {
         "_target_": "jointsdf.losses.near_distance.NearDistance",
         "band": 0.01,
         "side": 0.5,
         "clear": 0.1,
     }
-    del joint["weights"]["signed_distance"], joint["terms"]["signed_distance"]
-    assert near == joint
+    assert loss["terms"].pop("normals") == {"_target_": "jointsdf.losses.normals.Normals"}
+    joint = plain(config("loss=joint").loss)
+    del joint["terms"]["signed_distance"]
+    assert loss["terms"] == joint["terms"]
+    assert loss["schedules"] == joint["schedules"]
 
 
 def test_points_takes_nothing_from_the_mesh_but_points_and_labels() -> None:
@@ -202,10 +206,10 @@ def test_points_takes_nothing_from_the_mesh_but_points_and_labels() -> None:
     assert cfg.data.counts.borders == 0
 
 
-@pytest.mark.parametrize("recipe", ["fast", "points", "smoke"])
-def test_small_recipes_use_the_joint_loss(recipe: str) -> None:
-    found, joint = (plain(config(override).loss) for override in (f"recipe={recipe}", "loss=joint"))
-    assert found == joint
+@pytest.mark.parametrize(("recipe", "loss"), [("fast", "mesh"), ("points", "joint"), ("smoke", "joint")])
+def test_small_recipes_use_the_loss_of_what_they_know(recipe: str, loss: str) -> None:
+    found, named = (plain(config(override).loss) for override in (f"recipe={recipe}", f"loss={loss}"))
+    assert found == named
 
 
 def test_heads_have_the_methods_sizes() -> None:
@@ -232,7 +236,7 @@ def test_evaluation_protocols() -> None:
         assert (protocol.metrics.boundary.spacing, protocol.metrics.boundary.tolerance) == (0.001, 0.01)
 
 
-def test_rates_fall_on_a_large_surface_and_a_limit_out_of_reach_decides_nothing() -> None:
+def test_rates_fall_on_a_large_surface_and_what_is_out_of_reach_decides_nothing() -> None:
     shape = assembly.load_shape(config())
     assert assembly.trunk_rate(config("trainer.full_rate_area=null"), shape) == 1
     assert assembly.trunk_rate(config("trainer.full_rate_area=20"), shape) == 1
@@ -243,6 +247,11 @@ def test_rates_fall_on_a_large_surface_and_a_limit_out_of_reach_decides_nothing(
     assert by_points != assembly.trunk_rate(config("trainer.full_rate_area=6"), shape)
     free, far, near = (assembly.settings_of(run, shape)[1]["trainer"] for run in runs)
     assert free == far == {key: value for key, value in near.items() if key != "full_rate_area"}
+    shares = (config("recipe=points", f"data.counts.regions={share}") for share in (0.0, 0.5))
+    without, with_share = (assembly.settings_of(run, shape)[1]["data"] for run in shares)
+    assert without == with_share, "a share of no points decides nothing"
+    assert "region_points" not in without
+    assert assembly.settings_of(config(), shape)[1]["data"]["region_points"] == 30000
     assert near["full_rate_area"] == 6
 
 

@@ -12,13 +12,14 @@ import trimesh
 from scipy.spatial.transform import Rotation
 from sklearn.metrics import adjusted_rand_score
 
+from jointsdf.regions import components, face_graph, smooth_regions
 from jointsdf.shapes import abc, load
 from jointsdf.shapes import labels as part_labels
 from jointsdf.shapes.builtin import BUILTINS, part_names
 from jointsdf.shapes.builtin.construction import Construction, box, rod
 from jointsdf.shapes.geometric import Hierarchy, hierarchy
 from jointsdf.shapes.merging import SMALLEST
-from jointsdf.shapes.regions import components, face_graph, measured, smooth_regions
+from jointsdf.shapes.region_measures import measured
 from jointsdf.shapes.surroundings import surroundings
 from jointsdf.surfaces import face_areas
 from jointsdf.values import InputError, LabelledMesh

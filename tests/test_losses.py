@@ -13,6 +13,7 @@ from jointsdf.losses.cross_entropy import CrossEntropy
 from jointsdf.losses.dirichlet import Dirichlet
 from jointsdf.losses.eikonal import Eikonal
 from jointsdf.losses.near_distance import NearDistance
+from jointsdf.losses.normals import Normals
 from jointsdf.losses.schedule import Schedule
 from jointsdf.losses.sign_agnostic import SignAgnostic
 from jointsdf.losses.signed_distance import SignedDistance
@@ -20,7 +21,7 @@ from jointsdf.losses.weingarten import Weingarten
 from jointsdf.values import FieldValues, InputError, Step
 
 Field = Callable[[Tensor], Tensor]
-NONE = torch.zeros(0)
+NONE, NOWHERE = torch.zeros(0), torch.zeros(0, 3)
 RADIUS = 0.6
 HALF = torch.tensor([0.7, 0.5, 0.3], dtype=torch.float64)
 
@@ -71,11 +72,12 @@ def exact_step(field: Field) -> Step:
         "shell": values(surface + 0.02 * uniform(seed=4)),
         "pool": values(pool),
     }
-    return Step(fields, torch.zeros(len(surface), dtype=torch.int64), field(pool))
+    normals = torch.nn.functional.normalize(autograd_gradient(field, surface.clone().requires_grad_()), dim=-1).detach()
+    return Step(fields, torch.zeros(len(surface), dtype=torch.int64), normals, field(pool))
 
 
 def step_of(**fields: FieldValues) -> Step:
-    return Step(fields, torch.zeros(0, dtype=torch.int64), NONE)
+    return Step(fields, torch.zeros(0, dtype=torch.int64), NOWHERE, NONE)
 
 
 @pytest.mark.parametrize("field", [sphere, box, plane, cylinder])
@@ -85,6 +87,7 @@ def step_of(**fields: FieldValues) -> Step:
         Dirichlet(),
         SignedDistance(),
         NearDistance(),
+        Normals(),
         Eikonal("abs", ["manifold", "shell"]),
         Eikonal("squared", ["manifold", "non_manifold", "shell"]),
         Eikonal("abs", ["pool"]),
@@ -138,7 +141,7 @@ def test_sign_agnostic_by_hand() -> None:
 
 def pool_step(found: Tensor, known: list[float]) -> Step:
     nothing = torch.zeros(0, dtype=torch.int64)
-    return Step({"pool": FieldValues(found)}, nothing, torch.tensor(known, dtype=torch.float64))
+    return Step({"pool": FieldValues(found)}, nothing, NOWHERE, torch.tensor(known, dtype=torch.float64))
 
 
 def test_signed_distance_by_hand() -> None:
@@ -165,6 +168,18 @@ def test_a_sheet_far_from_the_surface_is_pushed_away_whatever_its_depth() -> Non
 def test_near_distance_refuses_a_number_without_sense(name: str) -> None:
     with pytest.raises(InputError, match=f"{name}=0"):
         NearDistance(**{name: 0.0})
+
+
+def test_normals_by_hand() -> None:
+    """A right angle costs the root of two, a length of 3 costs 2, a flat field 1; and that has a finite gradient."""
+    grad = torch.tensor([[0.0, 1, 0], [1, 0, 0], [3, 0, 0], [0, 0, 0]], dtype=torch.float64, requires_grad=True)
+    normals = torch.tensor([[1.0, 0, 0]] * 4, dtype=torch.float64)
+    step = Step({"manifold": FieldValues(torch.zeros(4), grad)}, torch.zeros(4, dtype=torch.int64), normals, NONE)
+    loss = Normals()(step)
+    assert loss.item() == pytest.approx((math.sqrt(2) + 0 + 2 + 1) / 4, rel=1e-12)
+    (slope,) = torch.autograd.grad(loss, grad)
+    half = math.sqrt(0.5)
+    torch.testing.assert_close(4 * slope, torch.tensor([[-half, half, 0], [0] * 3, [1, 0, 0], [-1, 0, 0]]).double())
 
 
 def eikonal_step() -> Step:
@@ -215,7 +230,7 @@ def test_weingarten_has_a_finite_gradient_where_the_field_is_flat() -> None:
 
 def segmentation_step(labels: list[int], logits: Tensor) -> Step:
     values = FieldValues(torch.zeros(len(labels)), logits=logits)
-    return Step({"manifold": values}, torch.tensor(labels, dtype=torch.int64), NONE)
+    return Step({"manifold": values}, torch.tensor(labels, dtype=torch.int64), torch.zeros(len(labels), 3), NONE)
 
 
 def test_cross_entropy_is_torchs_mean_over_labelled_points() -> None:

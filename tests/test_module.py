@@ -75,8 +75,9 @@ class Stepped(JointSDFModule):
 def samples_of(count: int = 24, seed: int = 0) -> Samples:
     g = torch.Generator().manual_seed(seed)
     manifold, non_manifold, shell, pool = (torch.rand(4, count, 3, generator=g) * 2 - 1).unbind()
-    labels = torch.arange(count) % 4
-    return Samples(manifold, labels, non_manifold, shell, torch.rand(count, generator=g) * 6, pool, pool[:, 0] * 0.5)
+    labels, normals = torch.arange(count) % 4, torch.nn.functional.normalize(manifold, dim=-1)
+    angles = torch.rand(count, generator=g) * 6
+    return Samples(manifold, labels, normals, non_manifold, shell, angles, pool, pool[:, 0] * 0.5)
 
 
 def module_of(

@@ -116,7 +116,7 @@ def test_unlabelled_faces_give_unlabelled_points(box: LabelledMesh) -> None:
 
 def test_counts_and_types_of_a_step(box_shape: Shape) -> None:
     samples = data_of(box_shape).sampler.draw(0)
-    sizes = (300, 300, 200, 250, 250, 150, 150)
+    sizes = (300, 300, 300, 200, 250, 250, 150, 150)
     assert tuple(len(tensor) for tensor in samples) == sizes
     assert samples.labels.dtype == torch.int64
     assert {tensor.dtype for name, tensor in samples._asdict().items() if name != "labels"} == {torch.float32}
@@ -267,6 +267,7 @@ def test_no_pool_where_none_is_asked_for(box_shape: Shape) -> None:
         {"cloud_size": 0},
         {"cloud_size": 1},
         {"pool_size": -1},
+        {"region_points": -1},
         {"border_points": -1},
         {"pool_near": 1.5},
         {"workers": -1},
@@ -289,6 +290,7 @@ def test_impossible_data_is_an_input_error(box_shape: Shape, options: dict[str, 
         {"pool": 0},
         {"balanced": 1.1},
         {"balanced": -0.1},
+        {"regions": 1.1},
         {"borders": 1.1},
         {"shell_offset": -0.1},
     ],

@@ -97,14 +97,15 @@ def oracle_step(module: JointSDFModule, samples: Samples, needs: Needs) -> Step:
             mixed = mixed_stencil(lambda at: plain(trunk, at)[0], points, u, v, 0.05)
         logits = module.field.head(torch.cat([values.feature, points], -1)) if "logits" in wanted else None
         fields[name] = FieldValues(values.sdf, values.grad, mixed, logits)
-    return Step(fields, samples.labels, samples.pool_distances)
+    return Step(fields, samples.labels, samples.normals, samples.pool_distances)
 
 
 def samples_of(dtype: torch.dtype, count: int = 24) -> Samples:
     g = torch.Generator().manual_seed(0)
     manifold, non_manifold, shell, pool = (torch.rand(4, count, 3, generator=g, dtype=dtype) * 2 - 1).unbind()
     angles = torch.rand(count, generator=g, dtype=dtype) * 6
-    return Samples(manifold, torch.arange(count) % 4, non_manifold, shell, angles, pool, pool[:, 0] * 0.5)
+    labels, normals = torch.arange(count) % 4, torch.nn.functional.normalize(manifold, dim=-1)
+    return Samples(manifold, labels, normals, non_manifold, shell, angles, pool, pool[:, 0] * 0.5)
 
 
 def total(module: JointSDFModule, step: Step) -> Tensor:
@@ -113,7 +114,7 @@ def total(module: JointSDFModule, step: Step) -> Tensor:
 
 
 @pytest.mark.parametrize("derivative", ["exact", "finite_difference"])
-@pytest.mark.parametrize("loss", ["paper", "flatcad", "joint"])
+@pytest.mark.parametrize("loss", ["paper", "flatcad", "joint", "mesh"])
 @pytest.mark.parametrize("head", ["relu", "siren", "hybrid", "deep_skip", "none"])
 @pytest.mark.parametrize("dtype", [torch.float64, torch.float32], ids=str)
 def test_every_objective_and_head_has_the_oracles_gradients(

@@ -1,12 +1,13 @@
-"""Points near part borders: on the surface, with the labels of their faces, at every distance from the border."""
+"""Points near part borders and by smooth region: on the surface, with their faces' labels, each with its share."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import KDTree
 
-from jointsdf.cloud import Cloud, stream
+from jointsdf.cloud import Cloud, pool_points, region_areas, stream
 from jointsdf.sampling import Counts, Sampler
 from jointsdf.surfaces import border_edges, edge_keys, near_borders, relative_area
 from jointsdf.values import LabelledMesh
@@ -81,6 +82,40 @@ def test_the_uniform_points_do_not_depend_on_the_border_points() -> None:
     part = Cloud.of(halves(), count=400, seed=0, border_points=300, label_fraction=0.1)
     assert (part.labels >= 0).sum() == 70
     assert replace(part, labels=more.labels).uniform == 400
+
+
+def test_every_smooth_region_has_its_share_by_the_root_of_its_area() -> None:
+    cloud = Cloud.of(halves(), count=100, seed=0, region_points=20_000, border_points=50)
+    assert (cloud.uniform, cloud.regional, len(cloud.points)) == (100, 20_000, 20_150)
+    points, normals = cloud.normalisation.inverse(cloud.points[100:20_100]), cloud.normals[100:20_100]
+    np.testing.assert_allclose(distance_to_box(points), 0, atol=1e-12)
+    roots = np.sqrt([4, 8, 8])  # of a box of sides 4, 2, 2, the sides across x, y and z
+    shares = [(np.abs(normals[:, axis]) > 0.5).mean() for axis in range(3)]
+    np.testing.assert_allclose(shares, roots / roots.sum(), atol=0.01)
+    np.testing.assert_array_equal(cloud.labels[100:20_100], points[:, 0] < 0.5)
+
+
+def test_region_areas_of_a_cylinder_are_those_of_its_wall_and_its_caps() -> None:
+    mesh = trimesh.creation.cylinder(radius=1.0, height=3.0, sections=64)
+    cylinder = LabelledMesh(np.array(mesh.vertices), np.array(mesh.faces), np.zeros(len(mesh.faces), dtype=np.int64))
+    cap = 64 * np.sin(np.pi / 64) * np.cos(np.pi / 64)
+    wall = 3 * 64 * 2 * np.sin(np.pi / 64)
+    np.testing.assert_allclose(region_areas(cylinder), np.where(np.abs(mesh.face_normals[:, 2]) > 0.5, cap, wall))
+
+
+def test_steps_and_pool_draw_from_the_regions() -> None:
+    cloud = Cloud.of(halves(), count=3000, seed=0, region_points=1000, border_points=2000)
+    counts = Counts(manifold=1000, non_manifold=10, shell=10, pool=1, balanced=0.25, regions=0.25, borders=0.5)
+    drawn = Sampler(cloud, np.zeros((0, 3)), np.zeros(0), counts, 0).draw(0)
+    places = {tuple(point): place for place, point in enumerate(cloud.points.astype(np.float32).tolist())}
+    found = np.array([places[tuple(point)] for point in drawn.manifold.tolist()])
+    assert [int(((found >= low) & (found < low + size)).sum()) for low, size in ((0, 3000), (3000, 1000))] == [250, 250]
+    np.testing.assert_array_equal(drawn.normals.numpy(), cloud.normals[found].astype(np.float32))
+    near = pool_points(cloud, count=4000, near_share=1.0, seed=0)
+    nearest = KDTree(cloud.points[:4000]).query(near)[1]
+    assert (nearest >= 3000).mean() == pytest.approx(0.25, abs=0.05)
+    without = Cloud.of(halves(), count=3000, seed=0)
+    assert len(Sampler(without, np.zeros((0, 3)), np.zeros(0), replace(counts, borders=0), 0).draw(0).manifold) == 1000
 
 
 @pytest.mark.parametrize("scale", [1.0, 40.0])

@@ -11,9 +11,10 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.shapes import regions as smooth
+from jointsdf.regions import components, face_graph, smooth_regions
 from jointsdf.shapes.bisection import bisected
 from jointsdf.shapes.merging import APART, SMALLEST, Merging
+from jointsdf.shapes.region_measures import measured
 from jointsdf.surfaces import face_areas
 from jointsdf.values import InputError, LabelledMesh
 
@@ -98,10 +99,10 @@ def hierarchy(mesh: LabelledMesh, patches: Int[ndarray, " f"] | None) -> Hierarc
     centres = (mesh.vertices[mesh.faces].mean(axis=1) - mesh.vertices.mean(axis=0)) / size
     order = np.lexsort(centres.round(9).T)  # everything below then breaks ties by place, not by the faces' order
     mesh, centres = LabelledMesh(mesh.vertices, mesh.faces[order], mesh.labels[order]), centres[order]
-    graph, areas = smooth.face_graph(mesh), face_areas(mesh)
+    graph, areas = face_graph(mesh), face_areas(mesh)
     areas = areas / areas.sum()
-    regions = smooth.smooth_regions(graph, None if patches is None else patches[order])
-    merges, costs, absorbed = Merging(smooth.measured(mesh, graph, regions)).run()
+    regions = smooth_regions(graph, None if patches is None else patches[order])
+    merges, costs, absorbed = Merging(measured(mesh, graph, regions)).run()
     merges, costs = _with_bodies(merges, costs, areas, centres, regions)
     atoms, merges, costs = _without_first(absorbed, merges, costs, regions)
     ways = np.linalg.norm(centres[graph.pairs[:, 0]] - centres[graph.pairs[:, 1]], axis=1)
@@ -124,7 +125,7 @@ def _with_bodies(
     regions: Int[ndarray, " f"],
 ) -> tuple[Int[ndarray, "n 2"], Float[ndarray, " n"]]:
     """The merges, followed by those of bodies that do not touch: the smallest joins the one with the nearest centre."""
-    body = smooth.components(merges, int(regions.max()) + 1)
+    body = components(merges, int(regions.max()) + 1)
     names = np.unique(body, return_index=True)[1]  # the region that goes on is the body's lowest: a < b in each merge
     size = np.bincount(body[regions], areas)
     moment = np.stack([np.bincount(body[regions], areas * axis) for axis in centres.T], axis=1)
@@ -146,5 +147,5 @@ def _without_first(
     absorbed: int, merges: Int[ndarray, "m 2"], costs: Float[ndarray, " m"], regions: Int[ndarray, " f"]
 ) -> tuple[Int[ndarray, " f"], Int[ndarray, "n 2"], Float[ndarray, " n"]]:
     """Regions after the first merges, numbered anew, and the other merges in the new numbers."""
-    number = smooth.components(merges[:absorbed], int(regions.max()) + 1)
+    number = components(merges[:absorbed], int(regions.max()) + 1)
     return number[regions], number[merges[absorbed:]], costs[absorbed:]

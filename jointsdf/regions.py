@@ -1,4 +1,4 @@
-"""The smallest pieces of a mesh that a part is made of, and what lies between them: creases, thickness, curvature."""
+"""Which faces of a mesh share an edge, and the smooth regions that they form between creases."""
 
 from dataclasses import dataclass
 
@@ -8,12 +8,9 @@ from numpy import ndarray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from jointsdf.shapes.surroundings import surroundings
-from jointsdf.surfaces import face_areas
 from jointsdf.values import UNLABELLED, LabelledMesh
 
 CREASE = np.radians(32.0)  # a cylinder of twelve segments (30 degrees) stays one region
-RIGHT_ANGLE = np.pi / 2
 
 
 @dataclass(frozen=True)
@@ -31,29 +28,6 @@ class FaceGraph:
     lengths: Float[ndarray, " p"]
     angles: Float[ndarray, " p"]
     num_faces: int
-
-
-@dataclass(frozen=True)
-class Regions:
-    """What is known of each region, and of each two regions that touch.
-
-    Attributes:
-        areas: Share of the whole area, > 0.
-        thickness: Natural logarithm of the typical local thickness in diagonals of the mesh.
-        hollow: How much the region is like the wall of a hole or pocket, curved inward or enclosed: 0..1.
-        pairs: Two regions that touch, the smaller index first; each pair once.
-        lengths: Of their shared border, in diagonals of the mesh.
-        concave: Mean concave angle along that border, in right angles.
-        convex: Mean convex angle along that border, in right angles.
-    """
-
-    areas: Float[ndarray, " r"]
-    thickness: Float[ndarray, " r"]
-    hollow: Float[ndarray, " r"]
-    pairs: Int[ndarray, "b 2"]
-    lengths: Float[ndarray, " b"]
-    concave: Float[ndarray, " b"]
-    convex: Float[ndarray, " b"]
 
 
 def face_graph(mesh: LabelledMesh) -> FaceGraph:
@@ -97,31 +71,6 @@ def components(pairs: Int[ndarray, "p 2"], count: int) -> Int[ndarray, " n"]:
     return numbers
 
 
-def measured(mesh: LabelledMesh, graph: FaceGraph, regions: Int[ndarray, " f"]) -> Regions:
-    """What is known of the regions 0, 1, .. of a mesh and of their borders, free of the mesh's size and pose."""
-    count = int(regions.max()) + 1
-    diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-    weights = face_areas(mesh) / diagonal**2
-    areas = np.bincount(regions, weights, minlength=count)
-    thickness, occluded = surroundings(mesh, regions)
-    sides = regions[graph.pairs]
-    lengths = graph.lengths / diagonal
-    inside = sides[:, 0] == sides[:, 1]
-    bend = np.bincount(sides[inside, 0], (graph.angles * lengths)[inside], minlength=count)
-    curled = np.clip(-bend / np.sqrt(areas), 0.0, 1.0)
-    hollow = np.maximum(curled, occluded)
-    sides, lengths, angles = np.sort(sides[~inside], axis=1), lengths[~inside], graph.angles[~inside]
-    perimeter = np.bincount(sides.ravel(), np.repeat(lengths, 2), minlength=count)
-    turning = np.maximum(-bend, 0) / np.maximum(perimeter / 2, 1e-12)
-    concave, convex = _edge_creases(sides, angles, turning, curled)
-    keys, index = np.unique(sides[:, 0] * count + sides[:, 1], return_inverse=True)
-    total = np.bincount(index, lengths, minlength=len(keys))
-    safe = np.maximum(total, 1e-12)
-    concave, convex = (np.bincount(index, lengths * angle, minlength=len(keys)) / safe for angle in (concave, convex))
-    pairs = np.stack([keys // count, keys % count], axis=1)
-    return Regions(areas / areas.sum(), thickness, hollow, pairs, safe, concave, convex)
-
-
 def _sharing_an_edge(ends: Int[ndarray, "h 2"], num_vertices: int) -> tuple[Int[ndarray, " p"], Int[ndarray, " p"]]:
     """Pairs of sides of faces that are one edge, in opposite directions unless there are only these two."""
     edge = ends.min(axis=1) * num_vertices + ends.max(axis=1)
@@ -134,21 +83,3 @@ def _sharing_an_edge(ends: Int[ndarray, "h 2"], num_vertices: int) -> tuple[Int[
     first, second = np.concatenate(found, axis=1)
     legal = (uses[number[first]] == 2) | (ends[first, 0] != ends[second, 0])
     return first[legal], second[legal]
-
-
-def _edge_creases(
-    sides: Int[ndarray, "p 2"],
-    angles: Float[ndarray, " p"],
-    turning: Float[ndarray, " r"],
-    curled: Float[ndarray, " r"],
-) -> tuple[Float[ndarray, " p"], Float[ndarray, " p"]]:
-    """Concave and convex angle of each edge between two regions, in right angles.
-
-    A fillet meets its neighbours without a crease: there the edge has the angle by which the fillet turns, so that
-    the faces on its two sides do not flow together through it. Two pieces of one hollow are no such case.
-    """
-    one, other = curled[sides].T
-    through = np.minimum(turning[sides].max(axis=1), RIGHT_ANGLE) * np.abs(one - other)
-    concave = np.where(np.abs(angles) < CREASE, np.maximum(-angles, through), np.maximum(-angles, 0.0))
-    convex = np.maximum(angles, 0.0)
-    return np.minimum(concave / RIGHT_ANGLE, 1.0), np.minimum(convex / RIGHT_ANGLE, 1.0)

@@ -1,0 +1,31 @@
+"""The mesh's normals: the gradient of a signed distance at the surface."""
+
+from dataclasses import dataclass
+
+from jaxtyping import Float
+from torch import Tensor
+
+from jointsdf.losses import Needs
+from jointsdf.values import Step
+
+
+@dataclass(frozen=True)
+class Normals:
+    """Mean over manifold of |grad f - n|, n the unit normal of the mesh's face.
+
+    Direction and length in one: no eikonal term is needed on the same points beside it.
+
+    Differs from:
+        Not in the paper, which has points only. IGR (Gropp et al. 2020, eq. 4) has the same term.
+    """
+
+    @property
+    def needs(self) -> Needs:
+        """The gradient on the manifold points."""
+        return {"manifold": frozenset({"grad"})}
+
+    def __call__(self, step: Step) -> Float[Tensor, ""]:
+        """The term, dimensionless."""
+        grad = step.fields["manifold"].grad
+        assert grad is not None, "it was asked for"
+        return (grad - step.normals).norm(dim=-1).mean()
