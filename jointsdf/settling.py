@@ -16,6 +16,7 @@ from jointsdf.values import BOX, LabelledMesh
 log = logging.getLogger(__name__)
 
 NOISE = 0.25  # share of the faces that look at another from nearer than a cell, above which no grid will do
+FEWEST = 8  # faces that look at another from nearer than a cell, below which it is slivers of marching cubes by chance
 FACING = -0.5  # cosine between the normals of two faces that look at each other: below it
 LIFT = 4e-6  # of a ray's start off its face, network length units
 
@@ -38,7 +39,7 @@ def settled(extraction: Extraction, sdf: Sdf, ladder: Sequence[int] = LADDER) ->
     """
     surface = extraction.surface(sdf)
     finer = [resolution for resolution in ladder if resolution > extraction.resolution]
-    while close := close_faces(surface, extraction.resolution):
+    while (close := close_faces(surface, extraction.resolution)) >= FEWEST:
         thin = f"{extraction.resolution}^3: {close} of {len(surface.faces)} faces are within a cell of another one"
         if not finer or close > NOISE * len(surface.faces):
             log.warning("%s: walls may be broken and gaps bridged there", thin)

@@ -13,7 +13,7 @@ from jointsdf import experiment
 from jointsdf.board import extract
 from jointsdf.extraction import Extraction
 from jointsdf.field import JointField
-from jointsdf.settling import close_faces, pieces_and_handles, settled
+from jointsdf.settling import FEWEST, close_faces, pieces_and_handles, settled
 from jointsdf.values import BOX
 
 Sdf = Callable[[np.ndarray], np.ndarray]
@@ -87,6 +87,12 @@ def test_what_no_grid_can_show_is_said(
     [warning] = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
     assert warning.startswith(f"{resolution}^3: ")
     assert warning.endswith("faces are within a cell of another one: walls may be broken and gaps bridged there")
+
+
+@pytest.mark.parametrize(("close", "resolution"), [(FEWEST - 1, 32), (FEWEST, 48)])
+def test_a_few_close_faces_are_slivers(close: int, resolution: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jointsdf.settling.close_faces", lambda _, at: close if at == 32 else 0)
+    assert settled(Extraction(32), fin(0.9), LADDER)[0] == Extraction(resolution)
 
 
 def test_a_field_without_a_surface_is_settled_at_once() -> None:

@@ -115,7 +115,9 @@ def test_steps_and_pool_draw_from_the_regions() -> None:
     nearest = KDTree(cloud.points[:4000]).query(near)[1]
     assert (nearest >= 3000).mean() == pytest.approx(0.25, abs=0.05)
     without = Cloud.of(halves(), count=3000, seed=0)
-    assert len(Sampler(without, np.zeros((0, 3)), np.zeros(0), replace(counts, borders=0.0), 0).draw(0).manifold) == 1000
+    assert (
+        len(Sampler(without, np.zeros((0, 3)), np.zeros(0), replace(counts, borders=0.0), 0).draw(0).manifold) == 1000
+    )
 
 
 @pytest.mark.parametrize("scale", [1.0, 40.0])
