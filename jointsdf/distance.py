@@ -15,7 +15,8 @@ from scipy.spatial import KDTree
 
 from jointsdf.values import LabelledMesh
 
-FAR = 0.01  # distance from which a sign is put to the vote, of the longest side; nearer, a fold turns next to nothing
+# Distances from which signs are put to the vote, of the longest side; from the second where the first found a fold.
+VOTING = (0.01, 0.0003)
 NEIGHBOURS = 6  # of a point, itself included, in the vote
 PIECES = 100_000  # of the faces of a mesh at most, unless it has more faces, cut for the search tree
 LONG = 1 / 8  # edge above which a face is cut, of the longest side
@@ -88,8 +89,12 @@ class ExactDistance:
         if len(points):
             asked = _ordered(points, order)
             distances[order] = igl.signed_distance(asked, self.closest.vertices, self.closest.faces, sign)[0]
-        far = np.flatnonzero(np.abs(distances) > FAR * np.ptp(self.closest.vertices, axis=0).max())
-        distances[far] = agreed(points[far], distances[far])
+        for share in VOTING:
+            far = np.flatnonzero(np.abs(distances) > share * np.ptp(self.closest.vertices, axis=0).max())
+            found = agreed(points[far], distances[far])
+            if np.array_equal(found, distances[far]):
+                break
+            distances[far] = found
         return distances
 
     def _winding(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:

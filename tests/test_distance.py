@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from jointsdf.distance import FAR, PIECES, ClosestPoint, ExactDistance, agreed, cut
+from jointsdf.distance import PIECES, VOTING, ClosestPoint, ExactDistance, agreed, cut
 from jointsdf.values import LabelledMesh
 
 HALF = np.array([0.7, 0.5, 0.3])
@@ -146,11 +146,15 @@ def test_a_fold_does_not_turn_the_space_that_it_is_nearest_to() -> None:
     points = np.random.default_rng(0).uniform(-2, 2, (20000, 3))
     beyond = np.abs(points).max(axis=1) - 1
     found = exact.signed(points)
-    far = np.abs(found) > FAR * 2.5
+    far = np.abs(found) > VOTING[0] * 2.31  # the longest side
     np.testing.assert_array_equal(found[far] > 0, beyond[far] > 0)
     nearest_to_the_fold = np.linalg.norm(points - (1.3, 0, 0), axis=1) < np.maximum(beyond, 0)
     assert nearest_to_the_fold.mean() > 0.005
     assert exact.signed(points[nearest_to_the_fold][:1]) < 0  # alone, a point has nobody to agree with
+    around = np.random.default_rng(1).normal((1.3, 0, 0), 0.02, (20000, 3))
+    outside = np.linalg.norm(around - (1.3, 0, 0), axis=1) > 0.01 + 2 * VOTING[1] * 2.31
+    close = np.concatenate([points, around[outside]])
+    assert (exact.signed(close)[len(points) :] > 0).all()  # the fold is known from afar, and signs agree close to it
 
 
 def test_agreement_is_between_points_that_nothing_separates() -> None:
