@@ -202,8 +202,9 @@ def test_loss_mesh_is_distances_and_normals_in_place_of_what_points_need() -> No
 def test_points_takes_nothing_from_the_mesh_but_points_and_labels() -> None:
     cfg = config("recipe=points")
     assert cfg.data.distances == "cloud"
-    assert cfg.data.border_points == 0
-    assert cfg.data.counts.borders == 0
+    assert (cfg.data.border_points, cfg.data.region_points) == (0, 0)
+    assert (cfg.data.counts.borders, cfg.data.counts.regions) == (0, 0)
+    assert "normals" not in cfg.loss.weights
 
 
 @pytest.mark.parametrize(("recipe", "loss"), [("fast", "mesh"), ("points", "joint"), ("smoke", "joint")])
