@@ -84,7 +84,7 @@ class Cloud:
         normalisation = Normalisation(centre, float(np.abs(points - centre).max()))
         drawn = [(points, faces)]
         if region_points:
-            shares = areas / np.sqrt(region_areas(mesh))
+            shares = areas / np.sqrt(region_areas(mesh, areas))
             drawn.append(area_uniform(mesh.vertices, mesh.faces, shares, region_points, stream(seed, REGIONS)))
         if border_points:
             drawn.append(near_borders(mesh, border_points, stream(seed, BORDERS)))
@@ -108,18 +108,18 @@ class Cloud:
         return float(len(points) * np.pi * (nearest**2).mean() / (np.ptp(points, axis=0).max() / 2) ** 2)
 
 
-def region_areas(mesh: LabelledMesh) -> Float[ndarray, " f"]:
-    """Area of the smooth region that each face belongs to, mesh units squared."""
+def region_areas(mesh: LabelledMesh, areas: Float[ndarray, " f"]) -> Float[ndarray, " f"]:
+    """Area of the smooth region that each face belongs to, in the unit of the faces' areas."""
     regions = smooth_regions(face_graph(mesh), None)
-    return np.asarray(np.bincount(regions, face_areas(mesh))[regions])
+    return np.asarray(np.bincount(regions, areas)[regions])
 
 
 def pool_points(cloud: Cloud, *, count: int, near_share: float, seed: int) -> Float[ndarray, "n 3"]:
     """Where distances are taken, network frame: a share near the surface, the rest in the whole box.
 
     Near is Gaussian about cloud points, not those of part borders, with a width drawn log-uniform, so that every wall
-    thickness is met. Half of the
-    rest is uniform, half has arcsine-distributed coordinates, so that the corners of the box are met as well.
+    thickness is met. Half of the rest is uniform, half has arcsine-distributed coordinates, so that the corners of the
+    box are met as well.
     """
     generator = stream(seed, POOL)
     near = round(count * near_share)

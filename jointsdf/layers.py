@@ -24,7 +24,7 @@ def cosine(argument: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
 
 
 def _by_numpy(argument: Tensor) -> bool:
-    """Whether numpy is faster: in float32 it takes half of torch's time a core, with the same error, but one core."""
+    """Whether numpy is faster: half of torch's time a core in float32, an error of 7e-8 for 4e-8, but one core."""
     return argument.dtype is torch.float32 and not argument.is_cuda and torch.get_num_threads() <= FEW_THREADS
 
 
