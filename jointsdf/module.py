@@ -96,21 +96,25 @@ class JointSDFModule(LightningModule):
         weights = self.active_weights(self.global_step)
         step = self.evaluate(samples, merged_needs([self.terms[name] for name in weights]))
         losses = {name: self.terms[name](step) for name in weights}
-        for name, loss in losses.items():
-            if not torch.isfinite(loss):
-                raise NonFiniteLossError(
-                    f"loss term {name} is {loss.item()} at step {self.global_step}: "
-                    "lower the learning rate or its weight"
-                )
-        total = torch.stack([weights[name] * loss for name, loss in losses.items()]).sum()
+        losses["total"] = torch.stack([weights[name] * loss for name, loss in losses.items()]).sum()
+        if not torch.isfinite(losses["total"]):
+            name, loss = next((name, loss) for name, loss in losses.items() if not torch.isfinite(loss))
+            raise NonFiniteLossError(
+                f"loss term {name} is {loss.item()} at step {self.global_step}: lower the learning rate or its weight"
+            )
         if self.logs:
-            self.log_dict({f"loss/{name}": loss for name, loss in (losses | {"total": total}).items()})
-        return total
+            self.report({f"loss/{name}": loss for name, loss in losses.items()})
+        return losses["total"]
 
     @property
     def logs(self) -> bool:
-        """Whether Lightning writes this step's numbers: handing them over at the others costs, and nobody sees them."""
+        """Whether this step's numbers are written."""
         return (self.global_step + 1) % self.log_every == 0
+
+    def report(self, numbers: Mapping[str, Tensor]) -> None:
+        """Write numbers of this step to the board at once: Lightning's own `log` copies all it holds at every call."""
+        if self.logger is not None:
+            self.logger.log_metrics({name: number.item() for name, number in numbers.items()}, self.global_step)
 
     def evaluate(self, samples: Samples, needs: Needs) -> Step:
         """Evaluate the field once per point set, no more than is needed."""
@@ -180,7 +184,7 @@ class JointSDFModule(LightningModule):
                     f"gradient norm of the {name} is {norm.item()} at step {self.global_step}: lower the learning rate"
                 )
             if self.logs:
-                self.log(f"gradient_norm/{name}", norm)
+                self.report({f"gradient_norm/{name}": norm})
 
 
 def merged_needs(terms: Sequence[Term]) -> Needs:

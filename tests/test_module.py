@@ -60,16 +60,14 @@ class Stepped(JointSDFModule):
     """The module at a step of our choice, logging into a dictionary."""
 
     at = 0
+    logged: Mapping[str, float] = {}
 
     @property
     def global_step(self) -> int:
         return self.at
 
-    def log_dict(self, dictionary: Mapping[str, Tensor], **_: object) -> None:
-        self.logged = {name: value.item() for name, value in dictionary.items()}
-
-    def log(self, name: str, value: Tensor, **_: object) -> None:
-        self.logged = {**getattr(self, "logged", {}), name: value.item()}
+    def report(self, numbers: Mapping[str, Tensor]) -> None:
+        self.logged = {**self.logged, **{name: value.item() for name, value in numbers.items()}}
 
 
 def samples_of(count: int = 24, seed: int = 0) -> Samples:
@@ -143,6 +141,7 @@ def test_terms_of_weight_or_factor_zero_are_not_evaluated(small_field: BuildFiel
     module = module_of(small_field(), terms, {"on": 2.0, "off": 0.0, "faded": 4.0}, {"faded": fade})
     totals = []
     for module.at in (0, 25, 50, 99):
+        module.logged = {}
         totals.append(module.training_step(samples_of(), 0).item())
     assert totals == [6.0, 4.0, 2.0, 2.0]
     assert {name: term.calls for name, term in terms.items()} == {"on": 4, "off": 0, "faded": 2}
