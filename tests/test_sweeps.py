@@ -73,7 +73,7 @@ def test_the_stored_sweeps_are_the_papers_and_the_ablations() -> None:
     assert {"main", "paired", "builtin", "smoke"} < set(SWEEPS)
     abc, parts = [f"abc_{n:04d}" for n in range(1, 51)], [f"part_{n:02d}" for n in range(1, 51)]
     assert (swept("main", "shape"), swept("main", "head")) == (abc, list(HEADS[1:]))
-    assert (swept("paired", "shape"), swept("paired", "head")) == (abc[:20], list(HEADS))
+    assert (swept("paired", "shape"), swept("paired", "head")) == (abc, list(HEADS))
     assert (swept("builtin", "shape"), swept("builtin", "head")) == (parts, list(HEADS))
     assert (swept("points", "shape"), swept("points", "head")) == (abc[:20], ["none", "hybrid"])
     assert set(swept("smoke", "shape")) < set(parts)
