@@ -140,6 +140,16 @@ def compare(group: Group, *, baseline: bool) -> Comparison:
     return Comparison(group, heads, shapes, dropped, runs[runs["shape"].isin(shapes)])
 
 
+def shown_alone(groups: Sequence[Group]) -> list[Group]:
+    """The groups with tables and figures of their own: variants stand beside each other, in their family's, instead.
+
+    The default group always has its own; so has one with a head that no other variant has, or without a shape that all
+    variants have.
+    """
+    related = [family.group for family in families(groups) if compare(family.group, baseline=True).shapes]
+    return [group for group in groups if not group.suffix or not any(_covers(family, group) for family in related)]
+
+
 def with_borrowed_baseline(group: Group) -> Group:
     """The group with the borrowed baseline runs among its own."""
     return group if group.borrowed.empty else replace(group, runs=pd.concat([group.runs, group.borrowed]))
@@ -149,6 +159,12 @@ def natural(text: str) -> list[tuple[float, str]]:
     """Key to sort by: numbers in a text count by their size."""
     parts = re.split(r"(\d+(?:\.\d+)?)", text)
     return [(float(part), "") if place % 2 else (math.inf, part) for place, part in enumerate(parts)]
+
+
+def _covers(family: Group, group: Group) -> bool:
+    alike = all(family.key[name] == group.key[name] for name in GROUP if name != "variant")
+    arms = {_arm(head, group.key["variant"]) for head in set(group.runs["head"]) - {BASELINE}}
+    return alike and arms <= set(family.runs["head"])
 
 
 def _arm(head: str, variant: str) -> str:

@@ -13,7 +13,7 @@ from jointsdf.study.against_paper import against_paper
 from jointsdf.study.collect import collect
 from jointsdf.study.csv_rows import FILE, rows_to_csv
 from jointsdf.study.gaps import find_gaps
-from jointsdf.study.groups import SUFFIX, Group, families, split
+from jointsdf.study.groups import SUFFIX, Group, families, shown_alone, split
 from jointsdf.study.report import REPORT, report
 from jointsdf.study.table import Table
 from jointsdf.study.worst import worst
@@ -71,7 +71,8 @@ def write_tables(
     written = [folder / FILE]
     write_atomically(written[0], rows_to_csv(rows))
     groups, builds = split(collect(rows), find_gaps(outputs, rows, heads)), builders(results / PAPER)
-    for group in groups:
+    alone = shown_alone(groups)
+    for group in alone:
         for name, build in builds.items():
             if table := build(group, name + group.suffix):
                 written += _write(table, folder / (name + group.suffix))
@@ -86,7 +87,7 @@ def write_tables(
     tables = [Path(path.name) for path in written if path.suffix == ".tex"]
     figures = [Path("..", FIGURES, path.name) for path in sorted((outputs / FIGURES).glob("*.tex"))]
     kinds = [*builds, VARIANTS, *dict.fromkeys(path.stem.partition(SUFFIX)[0] for path in figures)]
-    write_atomically(folder / REPORT, report([*groups, *(family.group for family in related)], tables + figures, kinds))
+    write_atomically(folder / REPORT, report([*alone, *(family.group for family in related)], tables + figures, kinds))
     return [*written, folder / REPORT]
 
 
