@@ -14,7 +14,7 @@ from jointsdf.study.csv_rows import DEFAULT_PROTOCOL
 from jointsdf.study.curves import loss_curves
 from jointsdf.study.drawing import Drawing, write_drawing
 from jointsdf.study.gaps import find_gaps
-from jointsdf.study.groups import SUFFIX, Group, shown_alone, split
+from jointsdf.study.groups import SUFFIX, Group, families, shown_alone, split
 from jointsdf.study.plots import PLOTS
 from jointsdf.study.tables import FIGURES
 
@@ -56,7 +56,8 @@ def write_figures(rows: Sequence[ResultRow], outputs: Path, heads: Collection[st
     """
     folder = outputs / FIGURES
     written: list[Path] = []
-    for group in shown_alone(split(collect(rows), find_gaps(outputs, rows, heads))):
+    groups = split(collect(rows), find_gaps(outputs, rows, heads))
+    for group in shown_alone(groups, families(groups)):
         if len(group.runs) > 1:
             for name, drawing in _drawings(group, outputs):
                 written += write_drawing(drawing, folder / (name + group.suffix))

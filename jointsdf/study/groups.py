@@ -140,14 +140,18 @@ def compare(group: Group, *, baseline: bool) -> Comparison:
     return Comparison(group, heads, shapes, dropped, runs[runs["shape"].isin(shapes)])
 
 
-def shown_alone(groups: Sequence[Group]) -> list[Group]:
+def shown_alone(groups: Sequence[Group], related: Sequence[Family]) -> list[Group]:
     """The groups with tables and figures of their own: variants stand beside each other, in their family's, instead.
 
     The default group always has its own; so has one with a head that no other variant has, or without a shape that all
     variants have.
+
+    Args:
+        groups: From `split`.
+        related: Their `families`.
     """
-    related = [family.group for family in families(groups) if compare(family.group, baseline=True).shapes]
-    return [group for group in groups if not group.suffix or not any(_covers(family, group) for family in related)]
+    joined = [family.group for family in related if compare(family.group, baseline=True).shapes]
+    return [group for group in groups if not group.suffix or not any(_covers(family, group) for family in joined)]
 
 
 def with_borrowed_baseline(group: Group) -> Group:

@@ -71,12 +71,12 @@ def write_tables(
     written = [folder / FILE]
     write_atomically(written[0], rows_to_csv(rows))
     groups, builds = split(collect(rows), find_gaps(outputs, rows, heads)), builders(results / PAPER)
-    alone = shown_alone(groups)
+    related = families(groups)
+    alone = shown_alone(groups, related)
     for group in alone:
         for name, build in builds.items():
             if table := build(group, name + group.suffix):
                 written += _write(table, folder / (name + group.suffix))
-    related = families(groups)
     for family in related:
         name = VARIANTS + family.group.suffix
         written += _write(pairs.variants(family, name), folder / name)
