@@ -2,8 +2,8 @@
 
 The grid has `resolution` points along each axis, the first and the last on the box's faces, so `resolution - 1` cells.
 Points and cells are addressed by their integer coordinates (a cell by its lowest corner) and kept in bricks of
-`stride`^3, made where they are first needed. The coarse lattice of every `stride`-th point, and the last, is evaluated
-in full: 48 to 64 lines along an axis for the usual resolutions, so that its spacing hardly depends on them.
+`side`^3, made where they are first needed. The coarse lattice of every `stride`-th point, and the last, is evaluated
+in full: 24 to 48 lines along an axis for the usual resolutions, so that its spacing hardly depends on them.
 """
 
 import logging
@@ -21,8 +21,9 @@ log = logging.getLogger(__name__)
 UNKNOWN = np.float32(np.inf)
 OUTSIDE = np.float32(1.0)  # for values that are not finite
 CORNERS = np.array(list(product((0, 1), repeat=3)))  # of a unit cell
-LATTICE_BLOCKS = 47  # at least so many along an axis, where the stride can be so small
-STRIDES = (4, 8, 16)
+LATTICE_BLOCKS = 23  # at least so many along an axis, where the stride can be so small
+STRIDES = (4, 8, 16, 32)
+LARGEST_SIDE = 8  # of a brick
 
 Sdf = Callable[[Float[ndarray, "n 3"]], Float[ndarray, " n"]]
 
@@ -36,7 +37,8 @@ class Grid:
         chunk: Most points in one call of the field.
 
     Attributes:
-        stride: Side of a brick, and of the coarse lattice's blocks, in cells.
+        stride: Side of the coarse lattice's blocks, in cells.
+        side: Side of a brick, in cells; a divisor of the stride.
         spacing: Distance between neighbouring points, network length units.
         lines: Grid coordinate of each line of the coarse lattice.
         lattice: sdf at the points of the coarse lattice.
@@ -46,15 +48,16 @@ class Grid:
     def __init__(self, sdf: Sdf, resolution: int, chunk: int) -> None:
         self.last = resolution - 1
         self.stride = max(size for size in STRIDES if size == STRIDES[0] or size * LATTICE_BLOCKS <= self.last)
+        self.side = min(self.stride, LARGEST_SIDE)
         self.spacing = 2 * BOX / self.last
         self.calls = 0
         self._sdf, self._chunk = sdf, chunk
         self._axis = np.linspace(-BOX, BOX, resolution).astype(np.float32)
         self.lines = np.append(np.arange(0, self.last, self.stride), self.last)
-        self.bricks = np.full((self.last // self.stride + 1,) * 3, -1)  # row of each brick in the three below
+        self.bricks = np.full((self.last // self.side + 1,) * 3, -1)  # row of each brick in the three below
         self._places = np.zeros((0, 3), dtype=np.int64)
-        self.values = np.zeros((0, self.stride**3), dtype=np.float32)
-        self.cells = np.zeros((0, self.stride**3), dtype=bool)
+        self.values = np.zeros((0, self.side**3), dtype=np.float32)
+        self.cells = np.zeros((0, self.side**3), dtype=bool)
         points = self.lines[np.indices((len(self.lines),) * 3).reshape(3, -1).T]
         self.lattice = self.sample(points).reshape((len(self.lines),) * 3)
 
@@ -70,15 +73,16 @@ class Grid:
             values[~np.isfinite(values)] = OUTSIDE
         return values
 
-    def evaluate(self, points: Int[ndarray, "n 3"]) -> None:
-        """Evaluate the field at the given grid points that are not known yet, and keep the values."""
-        self._make_bricks(points // self.stride)
-        where, values = self._where(points), self.values.reshape(-1)
-        where = where[values[where] == UNKNOWN]
+    def evaluate(self, points: Int[ndarray, "n 3"]) -> Float32[ndarray, " n"]:
+        """Values at grid points; those that are not known yet are evaluated, and kept."""
+        self._make_bricks(points // self.side)
+        asked, values = self._where(points), self.values.reshape(-1)
+        where = asked[values[asked] == UNKNOWN]
         order, owners = np.arange(len(where), dtype=np.int32), values.view(np.int32)
         owners[where] = order  # of a point that is there several times, one writer is left: faster than sorting
         where = where[owners[where] == order]
         values[where] = self.sample(self._points(where))
+        return values[asked]
 
     def evaluate_all(self) -> None:
         """Evaluate the field at every grid point, and let every cell take part in the surface."""
@@ -109,38 +113,38 @@ class Grid:
 
     def has_cells(self, cells: Int[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Which of the cells take part in the surface."""
-        made = self.bricks[tuple((cells // self.stride).T)] >= 0
+        made = self.bricks[tuple((cells // self.side).T)] >= 0
         made[made] = self.cells.reshape(-1)[self._where(cells[made])]
         return made
 
     def _where(self, points: Int[ndarray, "*n 3"]) -> Int[ndarray, "*n"]:
         """Index of each grid point in the flat `values` and `cells`; its brick must be made."""
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
-        side = self.stride
+        side = self.side
         row = self.bricks[x // side, y // side, z // side]
         return ((row * side + x % side) * side + y % side) * side + z % side
 
     def _points(self, where: Int[ndarray, " n"]) -> Int[ndarray, "n 3"]:
         """The grid points, or cells, at the given indices of the flat `values` and `cells`."""
-        row, place = np.divmod(where, self.stride**3)
-        return self._places[row] * self.stride + np.stack(np.unravel_index(place, (self.stride,) * 3), axis=1)
+        row, place = np.divmod(where, self.side**3)
+        return self._places[row] * self.side + np.stack(np.unravel_index(place, (self.side,) * 3), axis=1)
 
     def _make_bricks(self, places: Int[ndarray, "n 3"]) -> None:
-        missing = np.zeros(self.bricks.shape, dtype=bool)
-        missing[tuple(places.T)] = True
-        new = np.argwhere(missing & (self.bricks < 0))
-        if not len(new):
+        missing = np.ravel_multi_index(tuple(places.T), self.bricks.shape)
+        missing = np.unique(missing[self.bricks.reshape(-1)[missing] < 0])
+        if not len(missing):
             return
+        new = np.stack(np.unravel_index(missing, self.bricks.shape), axis=1)
         used = len(self._places)
         self.bricks[tuple(new.T)] = used + np.arange(len(new))
         self._places = np.concatenate([self._places, new])
         if len(self._places) > len(self.values):  # a quarter more than needed: not copied for every few bricks
-            shape = (len(self._places) * 5 // 4 - len(self.values) + 1, self.stride**3)
+            shape = (len(self._places) * 5 // 4 - len(self.values) + 1, self.side**3)
             self.values = np.concatenate([self.values, np.full(shape, UNKNOWN)])
             self.cells = np.concatenate([self.cells, np.zeros(shape, dtype=bool)])
+        first = np.searchsorted(self.lines // self.side, new)  # the first line of the lattice in each, along each axis
         for corner in CORNERS:  # what the lattice knows of them
-            line = new + corner
-            points = self.lines[np.minimum(line, len(self.lines) - 1)]
-            own = (points // self.stride == new).all(axis=1)
-            line = np.minimum(line, len(self.lines) - 1)[own]
-            self.values.reshape(-1)[self._where(points[own])] = self.lattice[tuple(line.T)]
+            line = np.minimum(first + corner, len(self.lines) - 1)
+            points = self.lines[line]
+            own = (points // self.side == new).all(axis=1)
+            self.values.reshape(-1)[self._where(points[own])] = self.lattice[tuple(line[own].T)]

@@ -14,7 +14,7 @@ THICKNESS = 32  # cells of a slab at least: bounds the memory, and one call cost
 def march(grid: Grid) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]]:
     """The zero level set within the grid's cells: vertices in the network frame, and faces."""
     vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
-    layers = max(1, THICKNESS // grid.stride)
+    layers = max(1, THICKNESS // grid.side)
     for first in range(0, len(grid.bricks), layers):
         values, mask = _slab(grid, first, layers)
         if not mask.any() or values.min() > 0 or values[values < UNKNOWN].max() < 0:
@@ -23,16 +23,16 @@ def march(grid: Grid) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]]:
             points, triangles, *_ = marching_cubes(values, 0.0, mask=mask, allow_degenerate=False)
         except RuntimeError:  # skimage's answer to a level set of single points
             continue
-        vertices.append(points + np.array([first * grid.stride, 0, 0], dtype=np.float64))
+        vertices.append(points + np.array([first * grid.side, 0, 0], dtype=np.float64))
         faces.append(triangles.astype(np.int64) + count)
         count += len(points)
-    welded, triangles = _welded(np.concatenate(vertices), np.concatenate(faces), layers * grid.stride)
+    welded, triangles = _welded(np.concatenate(vertices), np.concatenate(faces), layers * grid.side)
     return welded * grid.spacing - BOX, triangles
 
 
 def _slab(grid: Grid, first: int, layers: int) -> tuple[Float32[ndarray, "x y z"], Bool[ndarray, "x y z"]]:
     """Values at the points of so many layers of bricks, and the mask of their cells, each at its upper corner."""
-    side, points = grid.stride, grid.last + 1
+    side, points = grid.side, grid.last + 1
     rows = grid.bricks[first : first + layers + 1]
     shape = (len(rows), side, rows.shape[1], side, rows.shape[2], side)
     deep = min(layers * side, grid.last - first * side) + 1

@@ -76,8 +76,9 @@ class SirenTrunk(nn.Module):
     def sdf(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
         """Signed distance alone, network frame: each layer overwrites the one before it, nothing is kept."""
         hidden = points
-        for layer in self.sine_layers:
-            hidden = sine_(layer.linear(hidden).mul_(layer.omega))
+        for layer in self.sine_layers:  # the frequency goes into the weights, of which there are fewer
+            weight, bias = layer.omega * layer.linear.weight, layer.omega * layer.linear.bias
+            hidden = sine_(torch.addmm(bias, hidden, weight.T))
         sdf: Tensor = self.output(hidden).squeeze(-1)
         return sdf
 
