@@ -34,7 +34,7 @@ class Cloud:
     Attributes:
         points: In the network frame: `uniform` of them uniform by area, then `regional` spread over the smooth regions,
             the others near part borders.
-        normals: Unit normals of the points' faces.
+        normals: Unit normals of the points' faces; or as far as the points tell them, 0 where they do not.
         labels: Class index 0..K-1, -1 where unlabelled.
         part_ids: Original id of each class, ascending.
         normalisation: File frame -> network frame: the cloud's mean, and its largest |coordinate| about it.

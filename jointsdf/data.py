@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
 from lightning import LightningDataModule
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
@@ -10,6 +11,7 @@ from jointsdf.cloud import Cloud, pool_points
 from jointsdf.distance import ExactDistance
 from jointsdf.free_space import FreeSpace
 from jointsdf.sampling import Counts, Sampler
+from jointsdf.surfels import Surfels
 from jointsdf.values import InputError, Normalisation, Samples, Shape
 
 
@@ -49,7 +51,8 @@ class ShapeDataModule(LightningDataModule):
         seed: Of the run.
         cloud_size: Points of the training cloud.
         pool_size: Points with known signed distance; 0 where no term uses them.
-        distances: Where those come from: `mesh`, exact; `cloud`, the training cloud alone, where it leaves no doubt.
+        distances: Where those and the normals come from: `mesh`, exact; `cloud`, the uniform points of the cloud alone,
+            where they leave no doubt.
         pool_near: Share of the pool near the surface; the rest is uniform in the box.
         region_points: Points of the cloud spread over the smooth regions, beyond `cloud_size`.
         border_points: Points of the cloud near part borders, beyond `cloud_size`.
@@ -97,8 +100,13 @@ class ShapeDataModule(LightningDataModule):
         if distances == "mesh":
             known = network_distance(shape, self.cloud.normalisation).signed(pool)
         else:
-            known, where = FreeSpace(self.cloud.points[: self.cloud.uniform]).signed(pool)
+            points = self.cloud.points[: self.cloud.uniform]
+            surfels = Surfels(points, FreeSpace(points))
+            known, where = surfels.signed(pool)
             pool, known = pool[where], known[where]
+            normals = np.zeros_like(self.cloud.normals)
+            normals[: self.cloud.uniform] = surfels.normals
+            self.cloud = replace(self.cloud, normals=normals)
             if pool_size and not len(pool):
                 raise InputError(
                     f"data.distances=cloud: {cloud_size} points leave no free space in the box; "

@@ -15,6 +15,7 @@ from jointsdf.values import BOX
 
 # Among n random points the widest gap is about as wide as the circle that holds log(n), 10 for 30,000.
 GAP_NEIGHBOUR, GAP_QUANTILE, GAP_MARGIN = 10, 0.999, 1.2
+LEAST_CELLS = 27  # of a free region: smaller ones can be the widest places of a gap between walls
 FINEST = 256  # cells along each axis of the box, so that memory stays bounded; a cube's 30,000 points take 49
 
 
@@ -39,7 +40,8 @@ class FreeSpace:
         free = distance_transform_edt(empty, sampling=2 * BOX / self.cells) > self.reach
         regions, _ = label(free)
         rim = np.unique(np.concatenate([regions.take([0, -1], axis).ravel() for axis in range(3)]))
-        self.signs = np.where(np.isin(regions, rim), 1, -1).astype(np.int8) * free
+        told = free & (np.bincount(regions.ravel())[regions] >= LEAST_CELLS)
+        self.signs = np.where(np.isin(regions, rim), 1, -1).astype(np.int8) * told
 
     def signed(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Bool[ndarray, " n"]]:
         """Distance to the nearest cloud point, negative inside, and where it is known; 0 elsewhere.
@@ -47,11 +49,19 @@ class FreeSpace:
         Args:
             points: Where, in the training box.
         """
-        signs = self.signs[tuple(self._cell(points).T)]
+        signs = self.sign(points)
         known = signs != 0
         distances = np.zeros(len(points))
         distances[known] = signs[known] * self.tree.query(points[known], workers=-1)[0]
         return distances, known
+
+    def sign(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
+        """1 in free space outside, -1 in free space inside, 0 where the points do not tell.
+
+        Args:
+            points: Where, in the training box.
+        """
+        return self.signs[tuple(self._cell(points).T)]
 
     def _cell(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, "n 3"]:
         return np.clip((points + BOX) * (self.cells / (2 * BOX)), 0, self.cells - 1).astype(np.int64)

@@ -137,11 +137,11 @@ class Samples(NamedTuple):
     Attributes:
         manifold: Points on the surface.
         labels: Class index 0..K-1 of each manifold point, -1 where unlabelled.
-        normals: Unit normal of the mesh's face at each manifold point.
+        normals: Unit normal of the surface at each manifold point, 0 where it is not known.
         non_manifold: Points uniform in the box.
         shell: Points near the surface.
         angles: Rotation of each shell point's tangent frame about its normal, radians.
-        pool: Points whose exact signed distance is known.
+        pool: Points whose signed distance is known.
         pool_distances: That distance, negative inside.
     """
 
@@ -179,8 +179,8 @@ class Step:
     Attributes:
         fields: Field values at each point set that an active term needs: manifold, non_manifold, shell, pool.
         labels: Class index of each manifold point, -1 where unlabelled.
-        normals: Unit normal of the mesh's face at each manifold point.
-        pool_distances: Exact signed distance at the pool points, network length units.
+        normals: Unit normal of the surface at each manifold point, 0 where it is not known.
+        pool_distances: Known signed distance at the pool points, network length units.
     """
 
     fields: Mapping[str, FieldValues]

@@ -182,6 +182,18 @@ def test_normals_by_hand() -> None:
     torch.testing.assert_close(4 * slope, torch.tensor([[-half, half, 0], [0] * 3, [1, 0, 0], [-1, 0, 0]]).double())
 
 
+def test_points_without_a_normal_do_not_count() -> None:
+    grad = torch.tensor([[0.0, 1, 0], [5, 5, 5], [3, 0, 0]], dtype=torch.float64, requires_grad=True)
+    normals = torch.tensor([[1.0, 0, 0], [0, 0, 0], [1, 0, 0]], dtype=torch.float64)
+    fields, labels = {"manifold": FieldValues(torch.zeros(3), grad)}, torch.zeros(3, dtype=torch.int64)
+    loss = Normals()(Step(fields, labels, normals, NONE))
+    assert loss.item() == pytest.approx((math.sqrt(2) + 2) / 2, rel=1e-12)
+    assert not torch.autograd.grad(loss, grad)[0][1].any()
+    nothing = Normals()(Step(fields, labels, 0 * normals, NONE))
+    assert nothing.item() == 0
+    assert not torch.autograd.grad(nothing, grad)[0].any()
+
+
 def eikonal_step() -> Step:
     lengths = {"manifold": [1.0, 2.0], "shell": [0.5], "non_manifold": [3.0, 0.0, 1.0]}
     return step_of(

@@ -1,7 +1,8 @@
-"""The mesh's normals: the gradient of a signed distance at the surface."""
+"""Normals: the gradient of a signed distance at the surface."""
 
 from dataclasses import dataclass
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -11,7 +12,7 @@ from jointsdf.values import Step
 
 @dataclass(frozen=True)
 class Normals:
-    """Mean over manifold of |grad f - n|, n the unit normal of the mesh's face.
+    """Mean of |grad f - n| over the manifold points that have a unit normal n; 0 without any.
 
     Direction and length in one: no eikonal term is needed on the same points beside it.
 
@@ -28,4 +29,5 @@ class Normals:
         """The term, dimensionless."""
         grad = step.fields["manifold"].grad
         assert grad is not None, "it was asked for"
-        return (grad - step.normals).norm(dim=-1).mean()
+        known = step.normals.any(dim=-1)
+        return torch.where(known, (grad - step.normals).norm(dim=-1), 0).sum() / known.sum().clamp(min=1)

@@ -1,0 +1,110 @@
+"""Normals and distances from points alone: exact on planes, right on either side of walls thinner than the gaps."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from jointsdf.cloud import Cloud, pool_points, stream
+from jointsdf.data import ShapeDataModule, network_distance
+from jointsdf.free_space import FreeSpace
+from jointsdf.sampling import Counts
+from jointsdf.surfels import Surfels
+from jointsdf.values import BOX, LabelledMesh, Shape
+
+
+def cloud_of(solid: trimesh.Trimesh, count: int = 20000) -> Cloud:
+    mesh = LabelledMesh(np.array(solid.vertices), np.array(solid.faces), np.zeros(len(solid.faces), dtype=np.int64))
+    return Cloud.of(mesh, count=count, seed=0)
+
+
+def surfels_of(cloud: Cloud) -> Surfels:
+    return Surfels(cloud.points, FreeSpace(cloud.points))
+
+
+def near_points(cloud: Cloud, apart: float, count: int = 20000) -> np.ndarray:
+    """Points beside those of the cloud, up to so far away along each axis."""
+    generator = stream(1, 0)
+    around = cloud.points[generator.integers(len(cloud.points), size=count)]
+    return np.clip(around + generator.uniform(-apart, apart, (count, 3)), -BOX, BOX)
+
+
+def test_sphere() -> None:
+    cloud = cloud_of(trimesh.creation.icosphere(5, 0.7))
+    surfels = surfels_of(cloud)
+    centre, radius = cloud.normalisation.forward(np.zeros((1, 3))), 0.7 / cloud.normalisation.scale
+    radial = (cloud.points - centre) / radius
+    known = surfels.normals.any(axis=1)
+    assert known.mean() > 0.9
+    cosines = (surfels.normals * radial).sum(axis=1)[known]
+    assert np.quantile(cosines, 0.01) > np.cos(np.radians(10))
+    assert cosines.min() > 0
+    points = near_points(cloud, 0.05)
+    found, told = surfels.signed(points)
+    exact = np.linalg.norm(points - centre, axis=1) - radius
+    assert told.mean() > 0.95
+    assert np.abs(found - exact)[told].mean() < 5e-4
+    wrong = told & (np.sign(found) != np.sign(exact))
+    assert wrong.mean() < 0.002
+    assert np.abs(exact[wrong]).max() < surfels.radii.max() ** 2 / (2 * radius), "within what a disc cuts off the ball"
+    assert (found[~told] == 0).all()
+
+
+@pytest.mark.parametrize("extents", [(2, 2, 1.2), (2, 2, 0.01), (2, 1.5, 0.004)], ids=["box", "plate", "foil"])
+def test_box_of_any_thickness(extents: tuple[float, float, float]) -> None:
+    """Foil is ten times as thin as the gaps between points are wide; free space alone knows no inside of it."""
+    cloud = cloud_of(trimesh.creation.box(extents))
+    surfels = surfels_of(cloud)
+    known = surfels.normals.any(axis=1)
+    assert known.mean() > (0.75 if extents[2] < 0.01 else 0.85)
+    cosines = (surfels.normals * cloud.normals).sum(axis=1)[known]
+    assert (cosines > 1 - 1e-6).mean() > 0.97
+    assert (cosines > 0).mean() > 0.999
+    assert (surfels.space.signs < 0).any() == (extents[2] > 1)
+    half = np.array(extents) / 2 / cloud.normalisation.scale
+    centre = cloud.normalisation.forward(np.zeros((1, 3)))[0]
+    points = near_points(cloud, half[2] * 2 if half[2] < 0.1 else 0.05)
+    q = np.abs(points - centre) - half
+    exact = np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+    found, told = surfels.signed(points)
+    amid = told & (np.abs(points - centre)[:, :2] < half[:2] - 0.1).all(axis=1)  # away from the four sides
+    assert told.mean() > 0.75
+    assert (found[amid] < 0).mean() == pytest.approx((exact[amid] < 0).mean(), abs=0.05)
+    assert (np.sign(found) == np.sign(exact))[amid].mean() > 0.95
+    assert np.median(np.abs(found - exact)[amid]) < 1e-6
+    assert (np.sign(found) == np.sign(exact))[told].mean() > 0.95
+
+
+def test_the_sides_of_a_narrow_slot_face_each_other() -> None:
+    """Two slabs 0.012 apart: no free space between them, but the slabs themselves are thick enough."""
+    slabs = [trimesh.creation.box((2, 2, 0.5)).apply_translation((0, 0, side * 0.256)) for side in (-1, 1)]
+    cloud = cloud_of(trimesh.util.concatenate(slabs))
+    surfels = surfels_of(cloud)
+    slot = np.abs(cloud.points[:, 2] - cloud.normalisation.forward(np.zeros((1, 3)))[0, 2]) < 0.01
+    known = slot & surfels.normals.any(axis=1)
+    assert known.sum() > 0.6 * slot.sum()
+    assert ((surfels.normals * cloud.normals).sum(axis=1)[known] > 0).mean() > 0.998
+
+
+def test_points_without_a_surface_tell_nothing() -> None:
+    scattered = stream(3, 0).uniform(-0.9, 0.9, (5000, 3))
+    surfels = Surfels(scattered, FreeSpace(scattered))
+    assert surfels.normals.any(axis=1).mean() < 0.02
+    assert surfels.signed(stream(4, 0).uniform(-0.8, 0.8, (2000, 3)))[1].mean() < 0.02
+
+
+def test_a_run_knows_of_the_cloud_what_its_points_tell(box_shape: Shape) -> None:
+    counts = Counts(manifold=2000, non_manifold=10, shell=10, pool=400)
+    data = ShapeDataModule(
+        box_shape, counts, seed=0, cloud_size=20000, pool_size=5000, region_points=500, distances="cloud"
+    )
+    cloud = Cloud.of(box_shape.mesh, count=20000, region_points=500, seed=0)
+    found = data.cloud.normals
+    np.testing.assert_array_equal(found[:20000], surfels_of(Cloud.of(box_shape.mesh, count=20000, seed=0)).normals)
+    assert not found[20000:].any(), "of other points than the uniform ones nothing is estimated"
+    assert ((found * cloud.normals).sum(axis=1)[found.any(axis=1)] > 0.9).mean() > 0.99
+    pool = pool_points(cloud, count=5000, near_share=0.5, seed=0)
+    assert len(data.sampler.pool) > 0.9 * len(pool), "known down to the surface"
+    exact = network_distance(box_shape, cloud.normalisation).signed(data.sampler.pool)
+    errors = np.abs(data.sampler.pool_distances - exact)
+    assert np.quantile(errors[np.abs(exact) < 0.03], 0.9) < 1e-6
+    np.testing.assert_allclose(data.sampler.pool_distances, exact, atol=0.03)
