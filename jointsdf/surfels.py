@@ -26,7 +26,7 @@ MAJORITY = 0.8  # of the votes for one side among points that agree
 ASKED, ANSWERING, FACING = 6, 4, 2  # discs about a place; of them with a normal at least; and facing it
 SURROUNDING, CENTRAL = 16, 0.5  # points about a place; how far off their middle it may be, in their mean distance
 OPPOSED = -0.9  # cosine to the nearest disc's normal below which another is the far side of a wall or gap
-BATCH = 4096  # points whose planes are fitted at once
+BATCH, PLACES = 4096, 1 << 16  # points whose planes are fitted at once; places asked at once
 DISC_NEIGHBOUR = 4  # a surfel is a disc as wide as the distance to this neighbour
 
 
@@ -64,18 +64,28 @@ class Surfels:
         Args:
             points: Where, in the training box.
         """
-        distances, around = self.space.tree.query(points, min(SURROUNDING, len(self.points)), workers=-1)
-        nearest, distances = around[:, :ASKED], distances[:, :ASKED]
+        signs = self.space.sign(points).astype(float)
+        distances = np.zeros(len(points))
+        for start in range(0, len(points), PLACES):
+            part = slice(start, start + PLACES)
+            near = np.flatnonzero(signs[part] == 0)
+            distances[part], sides = self._nearest(points[part], near)
+            signs[part][near] = sides
+        return signs * distances, signs != 0
+
+    def _nearest(
+        self, points: Float[ndarray, "n 3"], near: Int[ndarray, " m"]
+    ) -> tuple[Float[ndarray, " n"], Float[ndarray, " m"]]:
+        """Distance to the nearest disc; and the side of the planes about those named near, 0 where they do not tell."""
+        distances, nearest = self.space.tree.query(points, min(ASKED, len(self.points)), workers=-1)
         normals = self.normals[nearest]
-        heights = ((points[:, None] - self.points[nearest]) * normals).sum(axis=2)
-        known = normals.any(axis=2)
+        heights, known = ((points[:, None] - self.points[nearest]) * normals).sum(axis=2), normals.any(axis=2)
         over = known & (distances**2 - heights**2 <= self.radii[nearest] ** 2)
         apart = np.where(over, np.abs(heights), distances)
-        first = normals[np.arange(len(points)), np.where(known, apart, np.inf).argmin(axis=1)]
-        amid = _off_centre(self.points[around] - points[:, None], first) < CENTRAL
-        free = self.space.sign(points)
-        signs = np.where(free == 0, amid * _side(heights, normals, first), free)
-        return signs * apart.min(axis=1), signs != 0
+        first = normals[np.arange(len(points)), np.where(known, apart, np.inf).argmin(axis=1)][near]
+        around = self.space.tree.query(points[near], min(SURROUNDING, len(self.points)), workers=-1)[1]
+        amid = _off_centre(self.points[around] - points[near, None], first) < CENTRAL
+        return apart.min(axis=1), amid * _side(heights[near], normals[near], first)
 
     def _first_free(
         self, asked: Int[ndarray, " m"], directions: Float[ndarray, "n 3"], offsets: Float[ndarray, "n k 3"]
