@@ -16,6 +16,7 @@ from jointsdf.values import BOX
 # Among n random points the widest gap is about as wide as the circle that holds log(n), 10 for 30,000.
 GAP_NEIGHBOUR, GAP_QUANTILE, GAP_MARGIN = 10, 0.999, 1.2
 LEAST_CELLS = 27  # of a free region: smaller ones can be the widest places of a gap between walls
+CENTRES = (1.5, 3, 6, 12)  # of empty balls, from a place in them, in units of the reach
 FINEST = 256  # cells along each axis of the box, so that memory stays bounded; a cube's 30,000 points take 49
 
 
@@ -62,6 +63,26 @@ class FreeSpace:
             points: Where, in the training box.
         """
         return self.signs[tuple(self._cell(points).T)]
+
+    def by_ball(self, points: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        """The side of an empty ball that holds each place and has its centre in free space; 0 where none is found.
+
+        A surface that enters a ball between the points enters it no deeper than the cap whose base is a gap wide. So
+        sides are known nearer to the surface than `reach`, where it is flat or curves away, as at the rim of a wall.
+
+        Args:
+            points: Where, in the training box.
+            directions: Unit vectors along which the centres are looked for.
+        """
+        signs = np.zeros(len(points))
+        for steps in CENTRES:
+            centres = points + steps * self.reach * directions
+            asked = np.flatnonzero((signs == 0) & (np.abs(centres) < BOX).all(axis=1))
+            asked = asked[self.sign(centres[asked]) != 0]
+            radii = self.tree.query(centres[asked], workers=-1)[0]
+            asked = asked[radii**2 > (1 + steps**2) * self.reach**2]
+            signs[asked] = self.sign(centres[asked])
+        return signs
 
     def _cell(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, "n 3"]:
         return np.clip((points + BOX) * (self.cells / (2 * BOX)), 0, self.cells - 1).astype(np.int64)

@@ -26,6 +26,7 @@ MAJORITY = 0.8  # of the votes for one side among points that agree
 ASKED, ANSWERING, FACING = 6, 4, 2  # discs about a place; of them with a normal at least; and facing it
 SURROUNDING, CENTRAL = 16, 0.5  # points about a place; how far off their middle it may be, in their mean distance
 OPPOSED = -0.9  # cosine to the nearest disc's normal below which another is the far side of a wall or gap
+TINY = np.finfo(float).tiny
 BATCH, PLACES = 4096, 1 << 16  # points whose planes are fitted at once; places asked at once
 DISC_NEIGHBOUR = 4  # a surfel is a disc as wide as the distance to this neighbour
 
@@ -57,9 +58,10 @@ class Surfels:
     def signed(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Bool[ndarray, " n"]]:
         """Distance to the nearest disc, negative inside, and where its sign is known; 0 elsewhere.
 
-        The distance is that to the disc's plane over the disc, that to its centre beside it. The sign is free space's
-        own, and near the surface that of the planes around, where they agree and points lie on all sides: beyond the
-        rim of a thin wall nothing is said.
+        The distance is that to the disc's plane over the disc; beside it that to its centre, less what points spread as
+        densely are beside the foot on average. The sign is free space's own, and near the surface that of the planes
+        around, where they agree and points lie on all sides, not as beyond the rim of a thin wall; elsewhere that of an
+        empty ball.
 
         Args:
             points: Where, in the training box.
@@ -83,9 +85,16 @@ class Surfels:
         over = known & (distances**2 - heights**2 <= self.radii[nearest] ** 2)
         apart = np.where(over, np.abs(heights), distances)
         first = normals[np.arange(len(points)), np.where(known, apart, np.inf).argmin(axis=1)][near]
+        beside = np.sqrt(np.maximum(distances**2 - self.radii[nearest] ** 2 / 4, distances**2 / 4))
+        apart = np.where(over, apart, beside).min(axis=1)
         around = self.space.tree.query(points[near], min(SURROUNDING, len(self.points)), workers=-1)[1]
-        amid = _off_centre(self.points[around] - points[near, None], first) < CENTRAL
-        return apart.min(axis=1), amid * _side(heights[near], normals[near], first)
+        offsets = self.points[around] - points[near, None]
+        sides = (_off_centre(offsets, first) < CENTRAL) * _side(heights[near], normals[near], first)
+        for away in (-offsets[:, 0], -offsets.mean(axis=1)):
+            left = np.flatnonzero(sides == 0)
+            directions = away[left] / np.maximum(np.linalg.norm(away[left], axis=1, keepdims=True), TINY)
+            sides[left] = self.space.by_ball(points[near[left]], directions)
+        return apart, sides
 
     def _first_free(
         self, asked: Int[ndarray, " m"], directions: Float[ndarray, "n 3"], offsets: Float[ndarray, "n k 3"]
@@ -141,7 +150,7 @@ def _planes(offsets: Float[ndarray, "n k 3"]) -> tuple[Float[ndarray, "n 3"], Bo
 
 def _within(heights: Float[ndarray, "*s"], width: Float[ndarray, "*t"]) -> Float[ndarray, "*s"]:
     """1 in a plane, falling to 0 beyond its width."""
-    return np.asarray(1 / (1 + (heights / np.maximum(width, np.finfo(float).tiny)) ** 2) ** 2)
+    return np.asarray(1 / (1 + (heights / np.maximum(width, TINY)) ** 2) ** 2)
 
 
 def _agreed(
