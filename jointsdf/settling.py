@@ -15,7 +15,7 @@ from jointsdf.values import BOX, LabelledMesh
 
 log = logging.getLogger(__name__)
 
-NOISE = 0.25  # share of the faces that look at another from nearer than a cell, above which no grid will do
+MOST = 30_000_000  # points that a finer grid may take, two minutes of two cores: beyond is noise that fills the box
 FEWEST = 8  # faces that look at another from nearer than a cell, below which it is slivers of marching cubes by chance
 FACING = -0.5  # cosine between the normals of two faces that look at each other: below it
 LIFT = 4e-6  # of a ray's start off its face, network length units
@@ -26,8 +26,7 @@ def settled(extraction: Extraction, sdf: Sdf, ladder: Sequence[int] = LADDER) ->
 
     A grid can open a wall or bridge a gap that is thinner than about one of its cells, so a surface without any such
     place is taken as it is. Others are compared with the next finer grid's, until the numbers of pieces and handles
-    stay. Where even the finest grid has such places, or a large share of the surface is so close to another that it
-    must be noise, that is said and the surface taken.
+    stay. Where the finest grid has such places too, or the next would take too long, that is said and the surface taken.
 
     Args:
         extraction: The coarsest grid to take.
@@ -41,7 +40,7 @@ def settled(extraction: Extraction, sdf: Sdf, ladder: Sequence[int] = LADDER) ->
     finer = [resolution for resolution in ladder if resolution > extraction.resolution]
     while (close := close_faces(surface, extraction.resolution)) >= FEWEST:
         thin = f"{extraction.resolution}^3: {close} of {len(surface.faces)} faces are within a cell of another one"
-        if not finer or close > NOISE * len(surface.faces):
+        if not finer or surface.evaluated * finer[0] ** 3 > MOST:
             log.warning("%s: walls may be broken and gaps bridged there", thin)
             break
         other = replace(extraction, resolution=finer.pop(0))

@@ -74,15 +74,22 @@ def test_without_thin_places_the_field_is_asked_for_one_grid_alone() -> None:
     np.testing.assert_array_equal(surface.faces, once.faces)
 
 
+def test_where_all_is_thin_the_grid_that_holds_it_together_is_taken() -> None:
+    extraction, surface = settled(Extraction(32), plate(0.5), LADDER)
+    assert extraction == Extraction(72), "six pieces at 32, ten at 48"
+    assert pieces_and_handles(surface) == (1, 2)
+
+
 @pytest.mark.parametrize(
-    ("sdf", "ladder", "resolution"),
-    [(slit(0.8), (32, 48), 48), (plate(0.5), LADDER, 32)],
-    ids=["beyond the finest", "nothing but thin"],
+    ("sdf", "most", "resolution"),
+    [(slit(0.8), 10**9, 48), (slit(0.8), 48**3 // 10, 32)],
+    ids=["beyond the finest", "the next takes too long"],
 )
 def test_what_no_grid_can_show_is_said(
-    sdf: Sdf, ladder: tuple[int, ...], resolution: int, caplog: pytest.LogCaptureFixture
+    sdf: Sdf, most: int, resolution: int, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    extraction, _ = settled(Extraction(32), sdf, ladder)
+    monkeypatch.setattr("jointsdf.settling.MOST", most)
+    extraction, _ = settled(Extraction(32), sdf, (32, 48))
     assert extraction == Extraction(resolution)
     [warning] = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
     assert warning.startswith(f"{resolution}^3: ")
