@@ -26,7 +26,7 @@ def settled(extraction: Extraction, sdf: Sdf, ladder: Sequence[int] = LADDER) ->
 
     A grid can open a wall or bridge a gap that is thinner than about one of its cells, so a surface without any such
     place is taken as it is. Others are compared with the next finer grid's, until the numbers of pieces and handles
-    stay. Where the finest grid has such places too, or the next would take too long, that is said and the surface taken.
+    stay. Where the finest grid has such places too, or the next takes too long, that is said and the surface taken.
 
     Args:
         extraction: The coarsest grid to take.

@@ -204,12 +204,13 @@ def test_points_takes_nothing_from_the_mesh_but_points_and_labels() -> None:
     assert cfg.data.distances == "cloud"
     assert (cfg.data.border_points, cfg.data.region_points) == (0, 0)
     assert (cfg.data.counts.borders, cfg.data.counts.regions) == (0, 0)
-    assert "normals" not in cfg.loss.weights
 
 
-@pytest.mark.parametrize(("recipe", "loss"), [("fast", "mesh"), ("points", "joint"), ("smoke", "joint")])
+@pytest.mark.parametrize(
+    ("recipe", "loss"), [("fast", "mesh"), ("points", "mesh loss.weights.eikonal=50"), ("smoke", "joint")]
+)
 def test_small_recipes_use_the_loss_of_what_they_know(recipe: str, loss: str) -> None:
-    found, named = (plain(config(override).loss) for override in (f"recipe={recipe}", f"loss={loss}"))
+    found, named = (plain(config(*overrides.split()).loss) for overrides in (f"recipe={recipe}", f"loss={loss}"))
     assert found == named
 
 

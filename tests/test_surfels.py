@@ -9,7 +9,7 @@ from jointsdf.data import ShapeDataModule, network_distance
 from jointsdf.free_space import FreeSpace
 from jointsdf.sampling import Counts
 from jointsdf.surfels import Surfels
-from jointsdf.values import BOX, LabelledMesh, Shape
+from jointsdf.values import BOX, LabelledMesh, Samples, Shape
 
 
 def cloud_of(solid: trimesh.Trimesh, count: int = 20000) -> Cloud:
@@ -108,3 +108,20 @@ def test_a_run_knows_of_the_cloud_what_its_points_tell(box_shape: Shape) -> None
     errors = np.abs(data.sampler.pool_distances - exact)
     assert np.quantile(errors[np.abs(exact) < 0.03], 0.9) < 1e-6
     np.testing.assert_allclose(data.sampler.pool_distances, exact, atol=0.03)
+
+
+def test_with_distances_from_the_cloud_nothing_of_the_mesh_but_points_reaches_a_step(
+    box_shape: Shape, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts = Counts(manifold=200, non_manifold=10, shell=100, pool=200, shell_offset=0.01)
+
+    def drawn() -> Samples:
+        data = ShapeDataModule(box_shape, counts, seed=0, cloud_size=5000, pool_size=5000, distances="cloud")
+        return data.sampler.draw(3)
+
+    honest = drawn()
+    monkeypatch.setattr("jointsdf.cloud.face_normals", lambda _, faces: np.full((len(faces), 3), np.nan))
+    monkeypatch.setattr("jointsdf.data.network_distance", lambda *_: pytest.fail("the mesh was asked"))
+    for one, other in zip(honest, drawn(), strict=True):
+        np.testing.assert_array_equal(one.numpy(), other.numpy())
+    assert honest.normals.any()
