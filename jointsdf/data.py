@@ -1,10 +1,13 @@
 """The stream of training samples of one shape."""
 
+import logging
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 from lightning import LightningDataModule
+from numpy import ndarray
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from jointsdf.cloud import Cloud, pool_points
@@ -14,11 +17,41 @@ from jointsdf.sampling import Counts, Sampler
 from jointsdf.surfels import Surfels
 from jointsdf.values import InputError, Normalisation, Samples, Shape
 
+log = logging.getLogger(__name__)
+
 
 def network_distance(shape: Shape, normalisation: Normalisation) -> ExactDistance:
     """The exact signed distance of a shape, asked and answered in the network frame."""
     vertices = normalisation.forward(shape.mesh.vertices)
     return ExactDistance(replace(shape.mesh, vertices=vertices), watertight=shape.watertight)
+
+
+def told_by_cloud(
+    cloud: Cloud, pool: Float[ndarray, "p 3"]
+) -> tuple[Cloud, Float[ndarray, "q 3"], Float[ndarray, " q"]]:
+    """The cloud with the normals that its uniform points tell, and the pool points whose signed distance they tell.
+
+    Args:
+        cloud: Whose normals are not looked at; points beyond the uniform ones get none.
+        pool: Where distances are wanted, network frame.
+
+    Raises:
+        InputError: They tell no distance at all.
+    """
+    surfels = Surfels(cloud.points[: cloud.uniform], FreeSpace(cloud.points[: cloud.uniform]))
+    normals = np.zeros_like(cloud.normals)
+    normals[: cloud.uniform] = surfels.normals
+    distances, told = surfels.signed(pool)
+    if len(pool) and not told.any():
+        raise InputError(
+            f"data.distances=cloud: {cloud.uniform} points leave no free space in the box; "
+            "use a larger data.cloud_size, or data.distances=mesh"
+        )
+    shares = surfels.normals.any(axis=1).mean(), told.mean() if len(pool) else 0.0
+    log.info(
+        "the cloud tells the normals of %.0f%% of its points, and %.0f%% of the distances", *(100 * x for x in shares)
+    )
+    return replace(cloud, normals=normals), pool[told], distances[told]
 
 
 class StepStream(IterableDataset[Samples]):
@@ -100,18 +133,7 @@ class ShapeDataModule(LightningDataModule):
         if distances == "mesh":
             known = network_distance(shape, self.cloud.normalisation).signed(pool)
         else:
-            points = self.cloud.points[: self.cloud.uniform]
-            surfels = Surfels(points, FreeSpace(points))
-            known, where = surfels.signed(pool)
-            pool, known = pool[where], known[where]
-            normals = np.zeros_like(self.cloud.normals)
-            normals[: self.cloud.uniform] = surfels.normals
-            self.cloud = replace(self.cloud, normals=normals)
-            if pool_size and not len(pool):
-                raise InputError(
-                    f"data.distances=cloud: {cloud_size} points leave no free space in the box; "
-                    "use a larger data.cloud_size, or data.distances=mesh"
-                )
+            self.cloud, pool, known = told_by_cloud(self.cloud, pool)
         self.sampler = Sampler(self.cloud, pool, known, counts, seed)
 
     def train_dataloader(self) -> DataLoader[Samples]:

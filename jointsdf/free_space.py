@@ -1,12 +1,13 @@
-"""Signed distances from surface points alone, where the points leave no doubt.
+"""Sides of the surface from surface points alone, where the points leave no doubt.
 
 Space farther from every point than the widest gap between neighbours is free of surface. Free space that reaches the
-box's rim is outside; free space that does not is inside. Nearer than that, and inside walls thinner than twice it, the
-points alone do not tell, and nothing is said. A closed cavity is taken for inside.
+box's rim is outside; free space that does not is inside. Nearer than that, the side of a place is told where an empty
+ball about free space holds it, and inside walls thinner than twice it nothing is said. A closed cavity is taken for
+inside.
 """
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.ndimage import distance_transform_edt, label
 from scipy.spatial import KDTree
@@ -15,19 +16,21 @@ from jointsdf.values import BOX
 
 # Among n random points the widest gap is about as wide as the circle that holds log(n), 10 for 30,000.
 GAP_NEIGHBOUR, GAP_QUANTILE, GAP_MARGIN = 10, 0.999, 1.2
-LEAST_CELLS = 27  # of a free region: smaller ones can be the widest places of a gap between walls
+LEAST_CELLS = 27  # of a free region within: smaller ones can be the widest places of a gap between walls
 CENTRES = (1.5, 3, 6, 12)  # of empty balls, from a place in them, in units of the reach
 FINEST = 256  # cells along each axis of the box, so that memory stays bounded; a cube's 30,000 points take 49
 
 
 class FreeSpace:
-    """Distances to a point cloud, signed by flooding the space that it leaves free.
+    """The space that a point cloud leaves free, and which side of the surface it is on.
 
     Args:
         points: The cloud, area-uniform, network frame, inside the training box.
 
     Attributes:
+        tree: The cloud.
         reach: Distance from the cloud beyond which space counts as free, network length units.
+        signs: 1 outside, -1 inside, 0 where space is not free, of the cells that the box is cut into.
     """
 
     def __init__(self, points: Float[ndarray, "n 3"]) -> None:
@@ -41,20 +44,9 @@ class FreeSpace:
         free = distance_transform_edt(empty, sampling=2 * BOX / self.cells) > self.reach
         regions, _ = label(free)
         rim = np.unique(np.concatenate([regions.take([0, -1], axis).ravel() for axis in range(3)]))
-        told = free & (np.bincount(regions.ravel())[regions] >= LEAST_CELLS)
-        self.signs = np.where(np.isin(regions, rim), 1, -1).astype(np.int8) * told
-
-    def signed(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Bool[ndarray, " n"]]:
-        """Distance to the nearest cloud point, negative inside, and where it is known; 0 elsewhere.
-
-        Args:
-            points: Where, in the training box.
-        """
-        signs = self.sign(points)
-        known = signs != 0
-        distances = np.zeros(len(points))
-        distances[known] = signs[known] * self.tree.query(points[known], workers=-1)[0]
-        return distances, known
+        outside = np.isin(regions, rim)
+        told = free & (outside | (np.bincount(regions.ravel())[regions] >= LEAST_CELLS))
+        self.signs = np.where(outside, 1, -1).astype(np.int8) * told
 
     def sign(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
         """1 in free space outside, -1 in free space inside, 0 where the points do not tell.

@@ -29,7 +29,7 @@ Sdf = Callable[[Float[ndarray, "n 3"]], Float[ndarray, " n"]]
 
 
 class Grid:
-    """The field at the points of the cubic grid, each evaluated at most once.
+    """The field at the points of the cubic grid, each that is kept evaluated once.
 
     Args:
         sdf: float32 points of the network frame -> signed distance, negative inside.

@@ -14,7 +14,7 @@ THICKNESS = 32  # cells of a slab at least: bounds the memory, and one call cost
 def march(grid: Grid) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]]:
     """The zero level set within the grid's cells: vertices in the network frame, and faces."""
     vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
-    layers = max(1, THICKNESS // grid.side)
+    layers = THICKNESS // grid.side
     for first in range(0, len(grid.bricks), layers):
         values, mask = _slab(grid, first, layers)
         if not mask.any() or values.min() > 0 or values[values < UNKNOWN].max() < 0:

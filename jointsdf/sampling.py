@@ -28,8 +28,8 @@ class Counts:
         balanced: Share of the manifold points drawn equally from every part.
         regions: Share of them drawn from the points spread over the smooth regions, where the cloud has such points.
         borders: Share of them drawn near part borders, where the cloud has such points; the rest is uniform.
-        shell_offset: Shell points are also moved along their normal by U(-offset, offset), one draw per point,
-            network length units.
+        shell_offset: Shell points are also moved along their normal, where it is known, by U(-offset, offset), one draw
+            per point, network length units.
     """
 
     manifold: int

@@ -15,7 +15,9 @@ from jointsdf.values import BOX, LabelledMesh
 
 log = logging.getLogger(__name__)
 
-MOST = 30_000_000  # points that a finer grid may take, two minutes of two cores: beyond is noise that fills the box
+MOST = (
+    30_000_000  # points that a finer sparse grid may take at the same share, two minutes of two cores: beyond is noise
+)
 FEWEST = 8  # faces that look at another from nearer than a cell, below which it is slivers of marching cubes by chance
 FACING = -0.5  # cosine between the normals of two faces that look at each other: below it
 LIFT = 4e-6  # of a ray's start off its face, network length units
@@ -40,8 +42,9 @@ def settled(extraction: Extraction, sdf: Sdf, ladder: Sequence[int] = LADDER) ->
     finer = [resolution for resolution in ladder if resolution > extraction.resolution]
     while (close := close_faces(surface, extraction.resolution)) >= FEWEST:
         thin = f"{extraction.resolution}^3: {close} of {len(surface.faces)} faces are within a cell of another one"
-        if not finer or surface.evaluated * finer[0] ** 3 > MOST:
-            log.warning("%s: walls may be broken and gaps bridged there", thin)
+        if not finer or (extraction.method == "sparse" and surface.evaluated * finer[0] ** 3 > MOST):
+            reason = f"{finer[0]}^3 would take too long" if finer else "no finer grid is left"
+            log.warning("%s: walls may be broken and gaps bridged there; %s", thin, reason)
             break
         other = replace(extraction, resolution=finer.pop(0))
         log.info("%s: compared with %d^3", thin, other.resolution)

@@ -18,11 +18,12 @@ from jointsdf.values import BOX
 PLANE_NEIGHBOURS, AROUND = 16, 24  # that may lie in a point's plane; that may lie between a point and free space
 PAIRED, LEAST_SINE = 8, 0.3  # neighbours whose pairs span planes, where the angle between them is not too narrow
 WIDTH, WIDER, ROUNDS = 0.02, 2.5, 3  # of a plane in radii of the neighbourhood; at first; rounds of fitting
+BROAD = 0.02  # of the points in a plane, their spread across over that along: less is a line, which lies in any plane
 AGREEING = 0.375  # share of the neighbours that must lie in a plane
 RISE = 0.25  # sine of the angle above its plane from which a neighbour stands in a point's way
 ALIKE, FLAT = 0.9, 0.15  # cosine between normals, and sine above each other's plane, of points that agree
 STRIDE, STRIDES, CLEAR = 1.3, 14, 0.7  # along the normal; no point may be nearer than this share of the way
-MAJORITY = 0.8  # of the votes for one side among points that agree
+MAJORITY = 0.8  # of the votes, those for the other side taken off, among points that agree
 ASKED, ANSWERING, FACING = 6, 4, 2  # discs about a place; of them with a normal at least; and facing it
 SURROUNDING, CENTRAL = 16, 0.5  # points about a place; how far off their middle it may be, in their mean distance
 OPPOSED = -0.9  # cosine to the nearest disc's normal below which another is the far side of a wall or gap
@@ -39,7 +40,9 @@ class Surfels:
         space: The space that the cloud leaves free.
 
     Attributes:
+        points, space: As given.
         normals: Unit normal of each point, pointing outside; 0 where the points do not tell.
+        radii: Of the discs, network length units: the distance to the fourth neighbour.
     """
 
     def __init__(self, points: Float[ndarray, "n 3"], space: FreeSpace) -> None:
@@ -78,7 +81,7 @@ class Surfels:
     def _nearest(
         self, points: Float[ndarray, "n 3"], near: Int[ndarray, " m"]
     ) -> tuple[Float[ndarray, " n"], Float[ndarray, " m"]]:
-        """Distance to the nearest disc; and the side of the planes about those named near, 0 where they do not tell."""
+        """Distance to the nearest disc; and the side of those named near, by planes or balls, 0 where neither tells."""
         distances, nearest = self.space.tree.query(points, min(ASKED, len(self.points)), workers=-1)
         normals = self.normals[nearest]
         heights, known = ((points[:, None] - self.points[nearest]) * normals).sum(axis=2), normals.any(axis=2)
@@ -128,11 +131,15 @@ def _side(
 def _off_centre(offsets: Float[ndarray, "n k 3"], normals: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
     """How far the middle of points is from each place, in their mean distance, all seen along a normal: 0 amid them."""
     flat = offsets - np.einsum("nki,ni->nk", offsets, normals)[..., None] * normals[:, None]
-    return np.asarray(np.linalg.norm(flat.mean(axis=1), axis=1) / np.linalg.norm(flat, axis=2).mean(axis=1))
+    return np.asarray(
+        np.linalg.norm(flat.mean(axis=1), axis=1) / np.maximum(np.linalg.norm(flat, axis=2).mean(axis=1), TINY)
+    )
 
 
 def _planes(offsets: Float[ndarray, "n k 3"]) -> tuple[Float[ndarray, "n 3"], Bool[ndarray, " n"]]:
     """Unit normal, of either sign, of the plane through each point that most neighbours lie in; whether enough do."""
+    if offsets.shape[1] < 2:
+        return np.zeros((len(offsets), 3)), np.zeros(len(offsets), dtype=bool)
     one, other = np.triu_indices(min(PAIRED, offsets.shape[1]), 1)
     lengths = np.linalg.norm(offsets, axis=2)
     across = np.cross(offsets[:, one], offsets[:, other])
@@ -144,8 +151,10 @@ def _planes(offsets: Float[ndarray, "n k 3"]) -> tuple[Float[ndarray, "n 3"], Bo
     planes = candidates[np.arange(len(offsets)), within.argmax(axis=1)]
     for wider in np.geomspace(WIDER, 1, ROUNDS):
         weights = _within(np.einsum("nki,ni->nk", offsets, planes), wider * width)
-        planes = np.linalg.eigh(np.einsum("nk,nki,nkj->nij", weights, offsets, offsets, optimize=True))[1][:, :, 0]
-    return planes, _within(np.einsum("nki,ni->nk", offsets, planes), width).mean(axis=1) > AGREEING
+        spread, axes = np.linalg.eigh(np.einsum("nk,nki,nkj->nij", weights, offsets, offsets, optimize=True))
+        planes = axes[:, :, 0]
+    agreeing = _within(np.einsum("nki,ni->nk", offsets, planes), width).mean(axis=1) > AGREEING
+    return planes, agreeing & (spread[:, 1] > BROAD * spread[:, 2])
 
 
 def _within(heights: Float[ndarray, "*s"], width: Float[ndarray, "*t"]) -> Float[ndarray, "*s"]:

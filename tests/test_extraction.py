@@ -1,5 +1,6 @@
 """Extraction against analytic level sets, and sparse evaluation against dense on fitted and unfitted fields."""
 
+import logging
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -11,8 +12,11 @@ from scipy.spatial import KDTree
 from skimage.measure import marching_cubes
 from torch import Tensor, nn
 
+from jointsdf import search
 from jointsdf.extraction import Extraction, Surface
-from jointsdf.search import Believed
+from jointsdf.following import NOTHING, Pairs
+from jointsdf.grid import Grid
+from jointsdf.octants import Believed, Skipped
 from jointsdf.values import BOX, InputError, Normalisation
 
 Sdf = Callable[[np.ndarray], np.ndarray]
@@ -194,9 +198,9 @@ def steep_noise(points: np.ndarray) -> np.ndarray:
     return ball((-0.3, -0.3, -0.5), 0.4)(points) - 2.0 * envelope * waves
 
 
-def unchecked(believed: Believed, seen: Believed) -> tuple[Believed, np.ndarray]:
-    """No check fails."""
-    return believed, seen.slopes < 0
+def unchecked(grid: Grid, skipped: dict[int, Skipped], rng: np.random.Generator) -> tuple[Believed, Pairs]:  # noqa: ARG001
+    """No check is made."""
+    return Believed(*np.zeros((2, *[len(grid.lines) - 1] * 3))), Pairs(NOTHING, NOTHING)
 
 
 @pytest.mark.parametrize("sdf", [far_sheet, floater, steep_noise], ids=lambda sdf: sdf.__name__)
@@ -208,7 +212,7 @@ def test_checks_find_what_the_slope_between_lattice_points_does_not_foretell(
     sparse = Extraction(128).surface(sdf)
     assert_same(sparse, dense)
     assert sparse.evaluated < 0.5
-    monkeypatch.setattr("jointsdf.search._corrected", unchecked)
+    monkeypatch.setattr("jointsdf.search._check", unchecked)
     assert len(Extraction(128).surface(sdf).faces) < len(dense.faces), "no test of the checks: found without them"
 
 
@@ -252,9 +256,59 @@ def test_where_interpolation_misleads_a_failed_check_takes_it_back(monkeypatch: 
         return int(as_trimesh(Extraction(128).surface(sdf)).body_count) - 1
 
     found = pockets()
-    monkeypatch.setattr("jointsdf.search._corrected", unchecked)
+    monkeypatch.setattr("jointsdf.search._check", unchecked)
     assert pockets() == 0, "no test of the checks: found without them"
     assert found > len(centres) / 3
+
+
+@pytest.mark.parametrize(("resolution", "stride"), [(128, 4), (190, 8), (400, 16)])
+def test_every_ball_around_a_point_of_the_coarse_lattice_is_found(
+    resolution: int, stride: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Radius 1.5 cells, amid a flat field: neither slopes nor interpolation foretell them, and no check is made."""
+    cell = 2 * BOX / (resolution - 1)
+    lines = stride * np.arange(3, resolution // stride - 3, 6)
+    centres = np.stack(np.meshgrid(lines, lines, lines), axis=-1).reshape(-1, 3) * cell - BOX
+    tree = KDTree(centres)
+    monkeypatch.setattr("jointsdf.search._check", unchecked)
+    surface = Extraction(resolution).surface(lambda points: np.clip(tree.query(points)[0] / cell - 1.5, -0.2, 0.5))
+    mesh = as_trimesh(surface)
+    assert mesh.body_count == len(centres) >= 8
+    assert mesh.is_watertight
+    assert surface.evaluated < 0.08
+
+
+def test_what_a_check_met_is_in_the_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Floaters of radius 2 cells, between the points of a lattice of 8: a check finds some of them, by chance."""
+    cell = 2 * BOX / 189
+    lines = 8 * np.arange(2, 22, 2) + 4
+    centres = np.stack(np.meshgrid(lines, lines, lines), axis=-1).reshape(-1, 3) * cell - BOX
+    tree, met = KDTree(centres), []
+
+    def sdf(points: np.ndarray) -> np.ndarray:
+        return np.clip(5 * (tree.query(points)[0] / cell - 2), -0.2, 0.5)
+
+    def recorded(grid: Grid, skipped: dict[int, Skipped], rng: np.random.Generator) -> tuple[Believed, Pairs]:
+        seen, pairs = checked(grid, skipped, rng)
+        met.extend(tree.query(pairs.others * grid.spacing - BOX)[1])
+        return seen, pairs
+
+    checked = search._check
+    monkeypatch.setattr(search, "_check", recorded)
+    mesh = as_trimesh(Extraction(190).surface(sdf))
+    assert len(centres) / 20 < len(set(met)) < len(centres)
+    bodies = tree.query(np.array([part.centroid for part in mesh.split(only_watertight=False)]))[1]
+    assert set(met) <= set(bodies)
+    assert len(bodies) == len(set(bodies))
+
+
+@pytest.mark.parametrize("resolution", [129, 130, 133, 256, 740])  # 256: the last blocks are 7 of 8 cells deep
+def test_a_plane_needs_no_second_look(resolution: int, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.DEBUG, "jointsdf.search")
+    normal = np.array([0.36, 0.48, 0.8])
+    surface = Extraction(resolution).surface(lambda points: points @ normal - 0.1)
+    assert "checks failed" not in caplog.text
+    assert surface.evaluated < 12 / resolution
 
 
 def test_most_tiny_floaters_at_random_places_are_found() -> None:

@@ -81,19 +81,21 @@ def test_where_all_is_thin_the_grid_that_holds_it_together_is_taken() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sdf", "most", "resolution"),
-    [(slit(0.8), 10**9, 48), (slit(0.8), 48**3 // 10, 32)],
+    ("most", "resolution", "reason"),
+    [(10**9, 48, "no finer grid is left"), (48**3 // 10, 32, "48^3 would take too long")],
     ids=["beyond the finest", "the next takes too long"],
 )
 def test_what_no_grid_can_show_is_said(
-    sdf: Sdf, most: int, resolution: int, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    most: int, resolution: int, reason: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("jointsdf.settling.MOST", most)
-    extraction, _ = settled(Extraction(32), sdf, (32, 48))
+    extraction, _ = settled(Extraction(32), slit(0.8), (32, 48))
     assert extraction == Extraction(resolution)
     [warning] = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
     assert warning.startswith(f"{resolution}^3: ")
-    assert warning.endswith("faces are within a cell of another one: walls may be broken and gaps bridged there")
+    assert warning.endswith(
+        "faces are within a cell of another one: walls may be broken and gaps bridged there; " + reason
+    )
 
 
 @pytest.mark.parametrize(("close", "resolution"), [(FEWEST - 1, 32), (FEWEST, 48)])

@@ -3,18 +3,14 @@
 import numpy as np
 import pytest
 import trimesh
+from clouds import cloud_of
 
 from jointsdf.cloud import Cloud, pool_points, stream
 from jointsdf.data import ShapeDataModule, network_distance
 from jointsdf.free_space import FreeSpace
 from jointsdf.sampling import Counts
 from jointsdf.surfels import Surfels
-from jointsdf.values import BOX, LabelledMesh, Samples, Shape
-
-
-def cloud_of(solid: trimesh.Trimesh, count: int = 20000) -> Cloud:
-    mesh = LabelledMesh(np.array(solid.vertices), np.array(solid.faces), np.zeros(len(solid.faces), dtype=np.int64))
-    return Cloud.of(mesh, count=count, seed=0)
+from jointsdf.values import BOX, Samples, Shape
 
 
 def surfels_of(cloud: Cloud) -> Surfels:
@@ -90,6 +86,27 @@ def test_points_without_a_surface_tell_nothing() -> None:
     surfels = Surfels(scattered, FreeSpace(scattered))
     assert surfels.normals.any(axis=1).mean() < 0.02
     assert surfels.signed(stream(4, 0).uniform(-0.8, 0.8, (2000, 3)))[1].mean() < 0.02
+
+
+@pytest.mark.parametrize("kind", ["rod", "copies"])
+def test_points_on_a_line_or_on_one_another_have_no_normal(kind: str) -> None:
+    """A line lies in any plane around it."""
+    if kind == "rod":
+        points = cloud_of(trimesh.creation.box((2, 5e-4, 5e-4)), 1000).points
+    else:
+        points = np.repeat(cloud_of(trimesh.creation.icosphere(3, 0.7), 400).points, 17, axis=0)
+    surfels = Surfels(points, FreeSpace(points))
+    assert not surfels.normals.any()
+    assert np.isfinite(surfels.signed(near_points(cloud_of(trimesh.creation.icosphere(3, 0.7), 400), 0.1))[0]).all()
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 12, 17, 25])
+def test_a_few_points_are_no_error(count: int) -> None:
+    points = cloud_of(trimesh.creation.icosphere(3, 0.7), count).points
+    surfels = Surfels(points, FreeSpace(points))
+    distances, told = surfels.signed(np.zeros((0, 3)))
+    assert distances.shape == told.shape == (0,)
+    assert np.isfinite(surfels.signed(stream(4, 0).uniform(-1, 1, (500, 3)))[0]).all()
 
 
 def test_a_run_knows_of_the_cloud_what_its_points_tell(box_shape: Shape) -> None:
