@@ -12,7 +12,6 @@ from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from jointsdf.cloud import Cloud, pool_points
 from jointsdf.distance import ExactDistance
-from jointsdf.free_space import FreeSpace
 from jointsdf.sampling import Counts, Sampler
 from jointsdf.surfels import Surfels
 from jointsdf.values import InputError, Normalisation, Samples, Shape
@@ -38,7 +37,7 @@ def told_by_cloud(
     Raises:
         InputError: They tell no distance at all.
     """
-    surfels = Surfels(cloud.points[: cloud.uniform], FreeSpace(cloud.points[: cloud.uniform]))
+    surfels = Surfels(cloud.points[: cloud.uniform])
     normals = np.zeros_like(cloud.normals)
     normals[: cloud.uniform] = surfels.normals
     distances, told = surfels.signed(pool)

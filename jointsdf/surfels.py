@@ -9,10 +9,9 @@ another's planes agree on it. Where neither tells, nothing is said.
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from jointsdf.free_space import FreeSpace
+from jointsdf.regions import components
 from jointsdf.values import BOX
 
 PLANE_NEIGHBOURS, AROUND = 16, 24  # that may lie in a point's plane; that may lie between a point and free space
@@ -36,18 +35,18 @@ class Surfels:
     """The points of a cloud as small oriented discs.
 
     Args:
-        points: The cloud, network frame, inside the training box.
-        space: The space that the cloud leaves free.
+        points: The cloud, area-uniform, network frame, inside the training box.
 
     Attributes:
-        points, space: As given.
+        points: As given.
+        space: The space that the cloud leaves free.
         normals: Unit normal of each point, pointing outside; 0 where the points do not tell.
         radii: Of the discs, network length units: the distance to the fourth neighbour.
     """
 
-    def __init__(self, points: Float[ndarray, "n 3"], space: FreeSpace) -> None:
-        self.points, self.space = points, space
-        distances, neighbours = space.tree.query(points, min(AROUND, len(points) - 1) + 1, workers=-1)
+    def __init__(self, points: Float[ndarray, "n 3"]) -> None:
+        self.points, self.space = points, FreeSpace(points)
+        distances, neighbours = self.space.tree.query(points, min(AROUND, len(points) - 1) + 1, workers=-1)
         offsets = points[neighbours[:, 1:]] - points[:, None]
         parts = [_planes(part) for part in np.array_split(offsets[:, :PLANE_NEIGHBOURS], len(points) // BATCH + 1)]
         planes, found = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -181,9 +180,8 @@ def _agreed(
     for ends in (one, other):
         linked &= np.abs((offset * planes[ends]).sum(axis=1)) < flat
     one, other, turned = one[linked], other[linked], count * (cosines[linked] < 0)
-    rows, columns = np.concatenate([one, one + count]), np.concatenate([other + turned, other + count - turned])
-    links = coo_array((np.ones(len(rows)), (rows, columns)), shape=(2 * count, 2 * count))
-    group = connected_components(links, directed=False)[1]
+    pairs = np.stack([[one, one + count], [other + turned, other + count - turned]], axis=-1).reshape(-1, 2)
+    group = components(pairs, 2 * count)
     both = np.concatenate([sides, -sides])
     votes, voters = np.bincount(group, both), np.bincount(group, np.abs(both))
     decided = np.abs(votes) > MAJORITY * voters

@@ -1,4 +1,4 @@
-"""Training clouds of solids."""
+"""Training clouds of solids, and the exact distance to a box."""
 
 import numpy as np
 import trimesh
@@ -11,3 +11,9 @@ def cloud_of(solid: trimesh.Trimesh, count: int = 20000) -> Cloud:
     """So many points, uniform by area."""
     mesh = LabelledMesh(np.array(solid.vertices), np.array(solid.faces), np.zeros(len(solid.faces), dtype=np.int64))
     return Cloud.of(mesh, count=count, seed=0)
+
+
+def box_distance(points: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Signed distance to a box about the origin, by half its extents."""
+    q = np.abs(points) - half
+    return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)

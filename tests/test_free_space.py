@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from clouds import cloud_of
+from clouds import box_distance, cloud_of
 from scipy.ndimage import label
 
 from jointsdf.cloud import stream
@@ -15,11 +15,6 @@ from jointsdf.values import BOX, InputError, Shape
 
 def probes(count: int = 40000) -> np.ndarray:
     return stream(1, 0).uniform(-BOX, BOX, (count, 3))
-
-
-def box_distance(points: np.ndarray, half: np.ndarray) -> np.ndarray:
-    q = np.abs(points) - half
-    return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
 
 
 def test_sphere() -> None:

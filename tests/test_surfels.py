@@ -3,18 +3,17 @@
 import numpy as np
 import pytest
 import trimesh
-from clouds import cloud_of
+from clouds import box_distance, cloud_of
 
 from jointsdf.cloud import Cloud, pool_points, stream
 from jointsdf.data import ShapeDataModule, network_distance
-from jointsdf.free_space import FreeSpace
 from jointsdf.sampling import Counts
 from jointsdf.surfels import Surfels
 from jointsdf.values import BOX, Samples, Shape
 
 
 def surfels_of(cloud: Cloud) -> Surfels:
-    return Surfels(cloud.points, FreeSpace(cloud.points))
+    return Surfels(cloud.points)
 
 
 def near_points(cloud: Cloud, apart: float, count: int = 20000) -> np.ndarray:
@@ -59,8 +58,7 @@ def test_box_of_any_thickness(extents: tuple[float, float, float]) -> None:
     half = np.array(extents) / 2 / cloud.normalisation.scale
     centre = cloud.normalisation.forward(np.zeros((1, 3)))[0]
     points = near_points(cloud, half[2] * 2 if half[2] < 0.1 else 0.05)
-    q = np.abs(points - centre) - half
-    exact = np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+    exact = box_distance(points - centre, half)
     found, told = surfels.signed(points)
     amid = told & (np.abs(points - centre)[:, :2] < half[:2] - 0.1).all(axis=1)  # away from the four sides
     assert told.mean() > 0.75
@@ -83,7 +81,7 @@ def test_the_sides_of_a_narrow_slot_face_each_other() -> None:
 
 def test_points_without_a_surface_tell_nothing() -> None:
     scattered = stream(3, 0).uniform(-0.9, 0.9, (5000, 3))
-    surfels = Surfels(scattered, FreeSpace(scattered))
+    surfels = Surfels(scattered)
     assert surfels.normals.any(axis=1).mean() < 0.02
     assert surfels.signed(stream(4, 0).uniform(-0.8, 0.8, (2000, 3)))[1].mean() < 0.02
 
@@ -95,7 +93,7 @@ def test_points_on_a_line_or_on_one_another_have_no_normal(kind: str) -> None:
         points = cloud_of(trimesh.creation.box((2, 5e-4, 5e-4)), 1000).points
     else:
         points = np.repeat(cloud_of(trimesh.creation.icosphere(3, 0.7), 400).points, 17, axis=0)
-    surfels = Surfels(points, FreeSpace(points))
+    surfels = Surfels(points)
     assert not surfels.normals.any()
     assert np.isfinite(surfels.signed(near_points(cloud_of(trimesh.creation.icosphere(3, 0.7), 400), 0.1))[0]).all()
 
@@ -103,7 +101,7 @@ def test_points_on_a_line_or_on_one_another_have_no_normal(kind: str) -> None:
 @pytest.mark.parametrize("count", [2, 3, 5, 12, 17, 25])
 def test_a_few_points_are_no_error(count: int) -> None:
     points = cloud_of(trimesh.creation.icosphere(3, 0.7), count).points
-    surfels = Surfels(points, FreeSpace(points))
+    surfels = Surfels(points)
     distances, told = surfels.signed(np.zeros((0, 3)))
     assert distances.shape == told.shape == (0,)
     assert np.isfinite(surfels.signed(stream(4, 0).uniform(-1, 1, (500, 3)))[0]).all()
