@@ -8,7 +8,7 @@ import hydra
 from omegaconf import DictConfig, OmegaConf
 
 from jointsdf.console import quiet_libraries, user_errors
-from jointsdf.values import InputError
+from jointsdf.errors import InputError
 
 log = logging.getLogger("jointsdf")
 failed: list[str] = []

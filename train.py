@@ -1,5 +1,6 @@
 """Fit, extract and measure: `python train.py head=siren shape=abc_0001`; many at once with `-m` or `sweeps=main`."""
 
+import os
 import sys
 import warnings
 
@@ -10,6 +11,9 @@ from omegaconf import DictConfig
 
 from jointsdf import sweep
 from jointsdf.console import quiet_libraries, user_errors
+from jointsdf.phases import phase
+
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # read when torch loads: waiting threads leave busy cores to others
 
 failed: list[str] = []
 warnings.filterwarnings("ignore", r"\s*'hydra/launcher/ray' is validated")  # by the plugin's schema: as it should
@@ -19,8 +23,9 @@ warnings.filterwarnings("ignore", r"\s*'hydra/launcher/ray' is validated")  # by
 def train(cfg: DictConfig) -> float | None:
     """One run; the primary protocol's cd_l1 is what a sweeper sees."""
     with user_errors(failed):
-        from jointsdf.experiment import run  # torch and lightning only after Hydra has accepted the command line
-
+        quiet_libraries()
+        with phase("start", "torch and lightning"):  # only after Hydra has accepted the command line
+            from jointsdf.experiment import run
         quiet_libraries()
         if HydraConfig.get().mode is RunMode.MULTIRUN:
             return sweep.run_one(cfg)

@@ -15,11 +15,11 @@ import trimesh
 from jaxtyping import Float
 from numpy import ndarray
 
-from benchmarks.scene import composed, fitted
+from benchmarks.scene import composed, fitted, measured
 from benchmarks.table import Row, interleaved, machine
 from jointsdf.extraction import Extraction, Surface
 from jointsdf.field import JointField
-from jointsdf.machine import choose_matmul, keep_freed_memory, peak_memory_mb, reset_peak_memory
+from jointsdf.machine import keep_freed_memory, peak_memory_mb, reset_peak_memory
 from jointsdf.values import BOX, LabelledMesh
 
 CHUNK = 5000  # of the released code
@@ -39,9 +39,10 @@ def rows(
         plate: Grid points along each axis for the thin plate.
         repetitions: Of the sparse extraction and of the released style.
     """
-    _, module = fitted(composed(f"trainer.max_steps={steps}"))
+    cfg = composed(f"trainer.max_steps={steps}")
+    _, module = fitted(cfg)
     field, threads = module.field, torch.get_num_threads()
-    with machine(threads, choose_matmul("auto")):
+    with machine(threads, measured(cfg, module).matmul):
         points = grid_points(resolution, part)
         surfaces: dict[str, Surface] = {}
 
@@ -102,7 +103,6 @@ def thin_plate(resolution: int, steps: int) -> list[Row]:
     box = trimesh.creation.box(extents=PLATE)
     mesh = LabelledMesh(np.array(box.vertices), np.array(box.faces), np.zeros(len(box.faces), dtype=np.int64))
     keep_freed_memory()
-    choose_matmul("auto")
     _, module = fitted(composed(f"trainer.max_steps={steps}"), mesh)
     reset_peak_memory()
     (seconds,) = interleaved(1, lambda: Extraction(resolution).surface(module.field.network_sdf), warm_up=False)

@@ -12,6 +12,8 @@ from jointsdf import assembly
 from jointsdf.data import ShapeDataModule
 from jointsdf.fitting import fit
 from jointsdf.module import JointSDFModule
+from jointsdf.products import CHOICES, Products, chosen
+from jointsdf.threads import large_pieces
 from jointsdf.values import LabelledMesh, Shape
 
 CONF = Path(__file__).parents[1] / "conf"
@@ -40,10 +42,21 @@ def built(cfg: DictConfig, mesh: LabelledMesh | None = None) -> tuple[Shape, Sha
     return shape, *assembly.build(cfg, shape)
 
 
+@large_pieces()
 def fitted(cfg: DictConfig, mesh: LabelledMesh | None = None) -> tuple[Shape, JointSDFModule]:
     """Ground truth and trained field of a run."""
     shape, data, module = built(cfg, mesh)
     with tempfile.TemporaryDirectory() as folder:
         how = {"accelerator": "cpu", "checkpoint_seconds": 1e9, "log_every": cfg.trainer.log_every}
-        fit(module, data, Path(folder), preview=None, **how)
+        fit(module, data, Path(folder), preview=None, products=wanted(cfg), **how)
     return shape, module
+
+
+def wanted(cfg: DictConfig) -> Products:
+    """How a run's matrices shall be multiplied."""
+    return Products(**{key: cfg.trainer[key] for key in CHOICES})
+
+
+def measured(cfg: DictConfig, module: JointSDFModule) -> Products:
+    """How they are, on this machine."""
+    return chosen(wanted(cfg), module.sizes)[0]

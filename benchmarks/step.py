@@ -11,10 +11,9 @@ import torch
 from torch import Tensor
 
 from benchmarks import released
-from benchmarks.scene import built, composed
+from benchmarks.scene import built, composed, measured
 from benchmarks.table import Row, interleaved, machine
 from jointsdf.losses import Term
-from jointsdf.machine import choose_matmul
 from jointsdf.module import JointSDFModule, merged_needs
 from jointsdf.values import Samples, Step
 
@@ -31,8 +30,8 @@ def rows(sizes: tuple[int, ...] = (2000, 20000), repetitions: int = 3) -> list[R
 
 
 def _rows(points: int, repetitions: int, *, odw: bool) -> list[Row]:
-    ours = choose_matmul("auto")
     module, samples = prepared(points)
+    ours = measured(composed(*OBJECTIVE), module).matmul
     weights = weights_of(module, odw=odw)
     error = gradient_error(module, samples, weights)
     assert error < LARGEST_ERROR, f"the gradients differ by {error:.1e}"

@@ -5,10 +5,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 
+from jointsdf import products
 from jointsdf.machine import KEPT_FREE, LARGEST_KEPT, keep_freed_memory
 
 GLIBC_KEEPS = 2 * LARGEST_KEPT  # where its own rule ends up once pieces of the largest size have been freed
@@ -78,20 +78,18 @@ def interleaved(repetitions: int, *sides: Callable[[], object], warm_up: bool = 
 
 @contextmanager
 def machine(threads: int, matmul: str, *, keep_memory: bool = True) -> Iterator[None]:
-    """Threads, the path of float32 matrix products (`default` or `onednn`), and freed memory, as `jointsdf.machine`.
+    """Threads, the path of float32 matrix products (`default` or `onednn`), and freed memory, as in a run.
 
     Args:
         threads: Of each operation.
-        matmul: As `choose_matmul` gives it.
+        matmul: As in `products.CHOICES`.
         keep_memory: Whether freed memory waits for the next step, as in our runs, or goes back by glibc's own rule.
     """
-    mkldnn: Any = torch.backends.mkldnn
-    before = torch.get_num_threads(), mkldnn.matmul.fp32_precision
+    before = torch.get_num_threads()
     torch.set_num_threads(threads)
-    mkldnn.matmul.fp32_precision = {"default": "none", "onednn": "bf16"}[matmul]
     keep_freed_memory(KEPT_FREE if keep_memory else GLIBC_KEEPS)
     try:
-        yield
+        with products.matmul(matmul):
+            yield
     finally:
-        torch.set_num_threads(before[0])
-        mkldnn.matmul.fp32_precision = before[1]
+        torch.set_num_threads(before)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from hydra.errors import HydraException
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
@@ -20,15 +19,15 @@ from jointsdf.board import Preview
 from jointsdf.checks import check, number_keys
 from jointsdf.cloud import Cloud
 from jointsdf.data import ShapeDataModule
+from jointsdf.errors import InputError, first_line
 from jointsdf.evaluation import Protocol
 from jointsdf.extraction import Extraction
-from jointsdf.field import JointField, first_line
-from jointsdf.machine import choose_backward
+from jointsdf.field import JointField
 from jointsdf.module import JointSDFModule
 from jointsdf.sampling import Counts
 from jointsdf.shapes.report import LADDER
 from jointsdf.surfaces import relative_area
-from jointsdf.values import InputError, Shape
+from jointsdf.values import Shape
 from jointsdf.viewing.render import compare
 
 
@@ -215,14 +214,8 @@ def _module(cfg: DictConfig, data: ShapeDataModule, rate: float) -> JointSDFModu
         instantiate(cfg.optimizer),
         seed=cfg.seed,
         trunk_rate=rate,
-        backward_dtype=choose_backward(cfg.trainer.backward, gpu=on_gpu(cfg)),
         **{key: cfg.trainer[key] for key in ("max_steps", "head_lr", "clip", "cosine", "warmup", "log_every")},
     )
-
-
-def on_gpu(cfg: DictConfig) -> bool:
-    """Whether the fit runs on a CUDA device."""
-    return cfg.trainer.accelerator != "cpu" and torch.cuda.is_available()
 
 
 def preview(cfg: DictConfig, shape: Shape, measures: Measures) -> Callable[[SummaryWriter], Preview] | None:

@@ -1,4 +1,4 @@
-"""What happens beside the training: checkpoints that lose little, and the progress bar."""
+"""What happens beside the training: checkpoints that lose little, and word of how far it is."""
 
 import math
 import os
@@ -9,18 +9,17 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from lightning import Callback, LightningModule, Trainer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from torch import Tensor
 
+from jointsdf.errors import InputError
 from jointsdf.module import JointSDFModule
-from jointsdf.values import InputError
+from jointsdf.phases import tell
 
-REDRAW_SECONDS = 0.2
+TELL_SECONDS = 0.2
 
 
 class Checkpoints(Callback):
@@ -30,10 +29,11 @@ class Checkpoints(Callback):
         path: The one checkpoint file.
         seconds: Between two writes: what kill -9 can cost.
         step: Step of the checkpoint that is at `path` already, 0 for none.
+        products: How the fit multiplies matrices, as `products.noted` puts it, for whoever goes on.
     """
 
-    def __init__(self, path: Path, seconds: float, step: int = 0) -> None:
-        self.path, self.seconds, self.saved_step = path, seconds, step
+    def __init__(self, path: Path, seconds: float, step: int = 0, products: Mapping[str, Any] | None = None) -> None:
+        self.path, self.seconds, self.saved_step, self.products = path, seconds, step, products
         self.asked_to_stop: int | None = None
         self.saved_at = self.started_at = time.monotonic()
         self.seconds_before = 0.0
@@ -63,7 +63,7 @@ class Checkpoints(Callback):
 
     def state_dict(self) -> dict[str, Any]:
         """What the checkpoint keeps of this callback."""
-        return {"seconds_trained": self.seconds_trained}
+        return {"seconds_trained": self.seconds_trained, "products": self.products}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
         """Go on counting."""
@@ -113,17 +113,30 @@ class Checkpoints(Callback):
             raise SystemExit
 
 
-def stored_step(path: Path, module: JointSDFModule) -> int:
-    """The step of the checkpoint to go on from; 0 where there is none.
+class Stored(NamedTuple):
+    """What is known of a checkpoint before the fit goes on from it.
+
+    Attributes:
+        step: Steps done.
+        products: As `products.noted` put them.
+    """
+
+    step: int
+    products: Mapping[str, Any] | None
+
+
+def stored(path: Path, module: JointSDFModule) -> Stored:
+    """The checkpoint to go on from; step 0 where there is none.
 
     Raises:
         InputError: It is truncated, not a checkpoint, or of a field of another size.
     """
     if not path.is_file():
-        return 0
+        return Stored(0, None)
     try:
-        stored = torch.load(path, map_location="cpu", weights_only=True)
-        state, step = stored["state_dict"], int(stored["global_step"])
+        checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+        state, step = checkpoint["state_dict"], int(checkpoint["global_step"])
+        products = checkpoint.get("callbacks", {}).get("Checkpoints", {}).get("products")
     except (RuntimeError, KeyError, EOFError, TypeError, ValueError, pickle.UnpicklingError) as error:
         raise InputError(f"{path}: damaged checkpoint; resume=never starts the fit over") from error
     sizes = {name: tuple(tensor.shape) for name, tensor in module.state_dict().items()}
@@ -132,11 +145,11 @@ def stored_step(path: Path, module: JointSDFModule) -> int:
         if found != sizes.get(name):
             wanted = f"{name} is {found}, not {sizes.get(name)}"
             raise InputError(f"{path}: checkpoint of another field ({wanted}); resume=never starts the fit over")
-    return step
+    return Stored(step, products)
 
 
-class ProgressBar(Callback):
-    """One line on a terminal: steps done of all, loss, steps per second, time left.
+class Progress(Callback):
+    """Tells whoever watches steps done of all, loss and steps per second.
 
     Args:
         max_steps: Length of the run.
@@ -144,17 +157,12 @@ class ProgressBar(Callback):
 
     def __init__(self, max_steps: int) -> None:
         self.max_steps = max_steps
-        columns = (BarColumn(bar_width=30), MofNCompleteColumn(), TextColumn("{task.fields[facts]}"))
-        left = TimeRemainingColumn()
-        self.progress = Progress(TextColumn("fit"), *columns, left, console=Console(stderr=True), transient=True)
-        self.task: TaskID | None = None
-        self.drawn_at, self.drawn_step = 0.0, 0
+        self.told_at, self.told_step = 0.0, 0
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:  # noqa: ARG002
-        """Show the bar, from where a resumed run goes on."""
-        self.drawn_at, self.drawn_step = time.monotonic(), trainer.global_step
-        self.task = self.progress.add_task("fit", total=self.max_steps, completed=trainer.global_step, facts="")
-        self.progress.start()
+        """Begin where a resumed run goes on."""
+        self.told_at, self.told_step = time.monotonic(), trainer.global_step
+        tell(trainer.global_step, self.max_steps)
 
     def on_train_batch_end(
         self,
@@ -163,19 +171,11 @@ class ProgressBar(Callback):
         outputs: Tensor | Mapping[str, Any] | None,
         *_: Any,
     ) -> None:
-        """Move the bar, a few times a second: fetching the loss makes a GPU wait."""
-        step, seconds = trainer.global_step, time.monotonic() - self.drawn_at
-        if self.task is None or (seconds < REDRAW_SECONDS and step < self.max_steps):
+        """Tell a few times a second: fetching the loss makes a GPU wait."""
+        step, seconds = trainer.global_step, time.monotonic() - self.told_at
+        if seconds < TELL_SECONDS and step < self.max_steps:
             return
         loss = float(outputs["loss"]) if isinstance(outputs, Mapping) else math.nan
-        speed = (step - self.drawn_step) / max(seconds, 1e-9)
-        self.progress.update(self.task, completed=step, facts=f"loss {loss:.3f}  {speed:.1f} it/s")
-        self.drawn_at, self.drawn_step = time.monotonic(), step
-
-    def teardown(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:  # noqa: ARG002
-        """Clear the line."""
-        self.progress.stop()
-
-    def on_exception(self, *_: Any) -> None:
-        """Clear the line."""
-        self.progress.stop()
+        speed = (step - self.told_step) / max(seconds, 1e-9)
+        tell(step, facts=f"loss {loss:.3f}  {speed:.1f} it/s")
+        self.told_at, self.told_step = time.monotonic(), step

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from jointsdf.values import InputError
+from jointsdf.errors import InputError
 
 MOST = 2**31 - 1
 INTEGERS = {  # key: smallest and largest value
@@ -55,8 +55,9 @@ CHOICES = {
     "resume": ("auto", "never"),
     "trainer.accelerator": ("auto", "cpu", "gpu"),
     "data.distances": ("mesh", "cloud"),
-    "trainer.backward": ("float32", "bfloat16", "auto"),
     "trainer.matmul": ("auto", "default", "onednn"),
+    "trainer.backward": ("auto", "float32", "bfloat16"),
+    "trainer.orthogonalisation": ("auto", "float32", "bfloat16"),
     "force": (True, False),
     "reuse": (True, False),
 }

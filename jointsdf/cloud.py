@@ -8,9 +8,10 @@ from numpy import ndarray
 from numpy.random import Generator, Philox
 from scipy.spatial import KDTree
 
+from jointsdf.errors import InputError
 from jointsdf.regions import face_graph, smooth_regions
 from jointsdf.surfaces import area_uniform, face_areas, face_normals, near_borders
-from jointsdf.values import BOX, UNLABELLED, InputError, LabelledMesh, Normalisation
+from jointsdf.values import BOX, UNLABELLED, LabelledMesh, Normalisation
 
 POOL_SCALES = (-3.0, -1.0)  # log10 of the narrowest and widest near-surface noise of the pool, network length units
 CLOUD, POOL, LABELS, STEPS, BORDERS, REGIONS = range(6)  # one random stream each

@@ -1,4 +1,4 @@
-"""What a user sees on the terminal: one log format, one line per error."""
+"""What a user sees on the terminal: facts, warnings and errors, a line each, told apart at a glance."""
 
 import errno
 import logging
@@ -8,14 +8,28 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from jointsdf.values import InputError
+from rich.text import Text
+
+from jointsdf.errors import InputError
+from jointsdf.phases import console
 
 log = logging.getLogger("jointsdf")
 
 
+class Lines(logging.Handler):
+    """A line of the log on stderr, above a progress bar where there is one; warnings say that they are some."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write it: facts plainly, a warning in yellow, an error in red."""
+        message = self.format(record)
+        warns = record.levelno == logging.WARNING
+        style = "red" if record.levelno > logging.WARNING else "yellow" if warns else ""
+        console.print(Text(f"warning: {message}" if warns else message, style), soft_wrap=True)
+
+
 def quiet_libraries() -> None:
     """Log our own lines plainly, and of the libraries' only the errors."""
-    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[Lines()])
     logging.captureWarnings(True)
     for name in ("lightning.pytorch", "lightning.fabric", "lightning"):
         library = logging.getLogger(name)

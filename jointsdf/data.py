@@ -12,9 +12,10 @@ from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from jointsdf.cloud import Cloud, pool_points
 from jointsdf.distance import ExactDistance
+from jointsdf.errors import InputError
 from jointsdf.sampling import Counts, Sampler
 from jointsdf.surfels import Surfels
-from jointsdf.values import InputError, Normalisation, Samples, Shape
+from jointsdf.values import Normalisation, Samples, Shape
 
 log = logging.getLogger(__name__)
 

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from jaxtyping import Float
+from numpy import ndarray
 from omegaconf import DictConfig
 
 from jointsdf import assembly, run_folder, run_state
@@ -17,13 +19,16 @@ from jointsdf.companions import companions
 from jointsdf.evaluation import GroundTruth, Scores
 from jointsdf.field import JointField
 from jointsdf.fitting import board_of, fit, save_field
-from jointsdf.machine import choose_matmul, keep_freed_memory, peak_memory_mb, reset_peak_memory
-from jointsdf.module import JointSDFModule
+from jointsdf.machine import keep_freed_memory, peak_memory_mb, reset_peak_memory
+from jointsdf.phases import phase, tell
+from jointsdf.products import CHOICES, Products, use_matmul
 from jointsdf.provenance import code_state, provenance
 from jointsdf.results import ResultRow, config_hash, write_row
 from jointsdf.reuse import known_row
 from jointsdf.settling import settled
 from jointsdf.shapes.report import MeshReport, mesh_report
+from jointsdf.summary import files_to_open, in_words, summary
+from jointsdf.threads import large_pieces
 from jointsdf.values import LabelledMesh, Normalisation, Shape
 from jointsdf.viewing.export import write_mesh
 from jointsdf.viewing.render import compare, write_png
@@ -31,22 +36,25 @@ from jointsdf.viewing.render import compare, write_png
 log = logging.getLogger(__name__)
 
 KEPT = ".companions"  # below the outputs: floors and ceilings by shape and grid
+SHOWN = {"evaluate": "measure", "picture": "draw"}  # stages whose name in a row is not the one that a user reads
 
 
 @dataclass
 class Stopwatch:
-    """Seconds of each stage of a run."""
+    """Seconds of each stage of a run, which is shown while it lasts."""
 
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        """Time the block under this name."""
+    def __call__(self, stage: str, what: str) -> Iterator[None]:
+        """Time the block under this name, and say what it works on."""
         start = time.perf_counter()
-        yield
+        with phase(SHOWN.get(stage, stage), what):
+            yield
         self.seconds[stage] = time.perf_counter() - start
 
 
+@large_pieces()
 def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
     """Fit one shape, extract and measure its mesh, and leave one result row in the run folder.
 
@@ -62,20 +70,20 @@ def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
     """
     watch = Stopwatch()
     reset_peak_memory()
+    keep_freed_memory()
     code_state()
-    with watch("load"):
+    with watch("load", str(cfg.shape)):
         assembly.checked(cfg)
         shape = assembly.load_shape(cfg)
     folder = assembly.folder_of(cfg)
     settings, numbers = assembly.settings_of(cfg, shape)
     if row := stored_row(cfg, folder, settings, numbers, wait=wait):
         return row
-    with watch("prepare"):
+    with watch("prepare", "points, labels and distances"):
         torch.manual_seed(cfg.seed)
         data, module = assembly.build(cfg, shape)
         report = mesh_report(shape, data.cloud.normalisation.scale, assembly.first_resolution(cfg))
         measures = assembly.measures(cfg, report.resolution)
-        machine = machine_facts(cfg, module)
         report.log()
     with run_state.lock(folder, wait=wait):
         if row := run_folder.finished_row(folder, numbers, force=cfg.force, reuse=cfg.reuse):
@@ -85,16 +93,18 @@ def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
         log.info("%s", folder)
         preview = assembly.preview(cfg, shape, measures)
         how = {key: cfg.trainer[key] for key in ("accelerator", "checkpoint_seconds", "log_every")}
-        watch.seconds["fit"], machine["device"] = fit(module, data, folder, preview=preview, **how)
+        products = Products(**{key: cfg.trainer[key] for key in CHOICES})
+        with phase("fit", f"{cfg.trainer.max_steps} steps, recipe {cfg.recipe}, head {cfg.head.name}"):
+            watch.seconds["fit"], machine = fit(module, data, folder, preview=preview, products=products, **how)
         save_field(module.field, folder / run_folder.FIELD)
-        with watch("extract"):
+        with watch("extract", "the field's surface and its part labels"):
             measures, mesh = extracted(module.field, measures, settle=cfg.extraction.resolution == "auto")
             report = report.on_grid(measures.extraction.resolution)
             write_mesh(folder, mesh)
-        with watch("evaluate"):
+        with watch("evaluate", "distances and labels against the truth"):
             kept = Path(cfg.paths.outputs, KEPT)
             scores = measure(measures, shape, mesh, data.cloud.normalisation, kept)
-        with watch("picture"):
+        with watch("picture", "preview.png and TensorBoard"):
             show(cfg, folder, shape, mesh, module.field, scores[cfg.evaluation.primary], report.resolution)
         hashes = {"config_hash": config_hash(numbers), "settings_hash": config_hash(assembly.shared_settings(settings))}
         row = result_row(cfg, shape, report, module.field, mesh, scores, watch.seconds, hashes, machine)
@@ -102,6 +112,8 @@ def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
         (folder / run_folder.CHECKPOINT).unlink(missing_ok=True)
         run_state.end(folder)
     log.info(summary(row, cfg.evaluation.primary, folder))
+    log.info(in_words(row, cfg.evaluation.primary, shape.mesh, mesh))
+    log.info(files_to_open(folder))
     return row
 
 
@@ -131,22 +143,22 @@ def stored_row(
     return row
 
 
-def machine_facts(cfg: DictConfig, module: JointSDFModule) -> dict[str, str | int]:
-    """Choose how matrices are multiplied and memory is kept, and say what the fit uses of this machine."""
-    keep_freed_memory()
-    matmul, threads = choose_matmul(cfg.trainer.matmul), torch.get_num_threads()
-    backward = str(module.backward_dtype or torch.float32).removeprefix("torch.")
-    log.info("machine: %d threads, %s matrix products, backward in %s", threads, matmul, backward)
-    return {"matmul": matmul, "threads": threads, "backward": backward}
-
-
 def extracted(
     field: JointField, measures: assembly.Measures, *, settle: bool
 ) -> tuple[assembly.Measures, LabelledMesh]:
     """The field's mesh, and the measures with the grid that it was made on: a finer one where `settle` asks for it."""
-    if not settle:
-        return measures, extract(field, measures.extraction)
-    extraction, surface = settled(measures.extraction, field.network_sdf)
+    asked = 0
+
+    def sdf(points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        nonlocal asked
+        asked += len(points)
+        tell(facts=f"{asked / 1e6:.1f} million points evaluated")
+        return field.network_sdf(points)
+
+    if settle:
+        extraction, surface = settled(measures.extraction, sdf)
+    else:
+        extraction, surface = measures.extraction, measures.extraction.surface(sdf)
     mesh = extraction.labelled(surface, field.network_part, field.normalisation)
     return replace(measures, extraction=extraction), mesh
 
@@ -156,7 +168,9 @@ def measure(
 ) -> Scores:
     """Every metric of every protocol, with floors and ceilings; those are kept in the folder for the next run."""
     truth = GroundTruth(shape.mesh, measures.protocols)
+    tell(0, 2, "floors and ceilings")
     beside = companions(truth, shape, measures.extraction, normalisation, kept)
+    tell(1, facts="scores")
     return {name: scores | beside[name] for name, scores in truth.scores(mesh).items()}
 
 
@@ -171,8 +185,10 @@ def show(
 ) -> None:
     """`preview.png` and the run's last TensorBoard entries."""
     made_by = f"{cfg.recipe}, head {cfg.head.name}, {resolution}^3"
+    tell(0, 2, "preview.png")
     picture = compare(shape.mesh, mesh, captions=(f"{shape.name}: ground truth", made_by))
     write_png(folder / "preview.png", picture)
+    tell(1, facts="TensorBoard")
     settings = {"recipe": cfg.recipe, "head": cfg.head.name, "shape": shape.name, "seed": cfg.seed}
     log_result(board_of(folder), field, mesh, picture, settings, scores, cfg.trainer.max_steps)
 
@@ -223,20 +239,7 @@ def result_row(
     )
 
 
-def summary(row: ResultRow, protocol: str, folder: Path) -> str:
-    """The run in one line."""
-    scores = row.scores[protocol]
-    if row.status == "empty_mesh":
-        return f"{row.shape} {row.head}: empty_mesh (the field has no surface in the box), {folder}"
-    return (
-        f"{row.shape} {row.head}: cd_l1 {scores['cd_l1']:.4f} (floor {scores['cd_l1_floor']:.4f})  "
-        f"nc {scores['nc']:.4f}  "
-        f"miou {scores['miou']:.4f} (floor {scores['miou_floor']:.4f})  miou_exact {scores['miou_exact']:.4f} "
-        f"(ceiling {scores['miou_exact_ceiling']:.4f})  components {scores['components']:.0f}  "
-        f"fit {row.seconds['fit']:.0f} s, total {row.seconds['total']:.0f} s  {folder}"
-    )
-
-
+@large_pieces()
 def measure_again(folder: Path) -> tuple[ResultRow, Scores]:
     """Extract and measure a finished run again, from its field.
 
@@ -248,7 +251,7 @@ def measure_again(folder: Path) -> tuple[ResultRow, Scores]:
     """
     cfg, shape = assembly.stored_truth(folder)
     row = run_folder.stored_row(folder)
-    choose_matmul(str(row.provenance.get("matmul", "default")))  # the last bits of the field depend on it
+    use_matmul(str(row.provenance.get("matmul", "default")))  # the last bits of the field depend on it
     field = JointField.load(folder / run_folder.FIELD)
     resolution = row.provenance["resolution"]
     assert isinstance(resolution, int), "a row without its grid"

@@ -12,10 +12,11 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from jointsdf.borders import Label, majority, split
+from jointsdf.errors import InputError
 from jointsdf.grid import Grid, Sdf
 from jointsdf.marching import march
 from jointsdf.search import cells_near_surface
-from jointsdf.values import InputError, LabelledMesh, Normalisation
+from jointsdf.values import LabelledMesh, Normalisation
 
 log = logging.getLogger(__name__)
 

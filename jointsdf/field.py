@@ -1,7 +1,8 @@
 """The joint field: trunk + head, asked in file units, and its file."""
 
 import pickle
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,12 +13,13 @@ from numpy import ndarray
 from torch import Tensor, nn
 
 from jointsdf.derivatives import gradient, trace
+from jointsdf.errors import InputError, first_line
 from jointsdf.heads import HEADS
+from jointsdf.threads import over_threads, pieces
 from jointsdf.trunk import SirenTrunk
-from jointsdf.values import UNLABELLED, InputError, Normalisation
+from jointsdf.values import UNLABELLED, Normalisation
 
 CHUNK = 65536  # points evaluated at once
-CPU_PIECE = 2048  # points whose activations stay in cache
 # What reading a damaged checkpoint can raise, found by feeding it flipped bytes.
 UNREADABLE = (
     RuntimeError,
@@ -102,34 +104,39 @@ class JointField(nn.Module):
         inside = ((points.to(self.centre) - self.centre) / self.scale).to(parameter)
         traced = trace(self.trunk.sine_layers, self.trunk.output, inside, with_cosines=True)
         grad = gradient(self.trunk.sine_layers, self.trunk.output, traced)
-        logits = self._logits(torch.cat([traced.sines[self.trunk.tap - 1], inside], -1))
+        with self._without_dropout():
+            logits: Tensor = self.head(torch.cat([traced.sines[self.trunk.tap - 1], inside], -1))
         return FieldQuery(traced.sdf * self.scale.to(parameter), self._parts(logits), logits, grad)
 
     def network_sdf(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """Signed distance, network frame to network length units, for the extraction."""
         inputs = self._tensor(points)
-        pieces = inputs.split(len(inputs) if inputs.is_cuda else CPU_PIECE) if len(inputs) else [inputs]
-        sdf: ndarray = torch.cat([self.trunk.sdf(piece) for piece in pieces]).cpu().numpy()
+        sdf: ndarray = torch.cat(over_threads(self.trunk.sdf, inputs.tensor_split(pieces(inputs)))).cpu().numpy()
         return sdf
 
-    @torch.no_grad()
     def network_part(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
         """Original part id at points in the network frame; -1 without a head."""
-        chunks = [self._parts(self._logits(self.trunk(chunk)[1])) for chunk in self._tensor(points).split(CHUNK)]
-        parts: ndarray = torch.cat(chunks).cpu().numpy()
+        inputs = self._tensor(points)
+        with self._without_dropout():
+            found = over_threads(
+                lambda piece: self._parts(self.head(self.trunk(piece)[1])), inputs.tensor_split(pieces(inputs))
+            )
+        parts: ndarray = torch.cat(found).cpu().numpy()
         return parts
 
     def _tensor(self, points: Float[ndarray, "n 3"]) -> Float[Tensor, "n 3"]:
         parameter = self.trunk.output.weight
         return torch.as_tensor(points, dtype=parameter.dtype, device=parameter.device)
 
-    def _logits(self, features: Float[Tensor, "n i"]) -> Float[Tensor, "n k"]:
-        """Logits without dropout, whatever mode the module is in."""
+    @contextmanager
+    def _without_dropout(self) -> Iterator[None]:
+        """The head as it answers, whatever mode the module is in."""
         was_training = self.head.training
         self.head.eval()
-        logits: Tensor = self.head(features)
-        self.head.train(was_training)
-        return logits
+        try:
+            yield
+        finally:
+            self.head.train(was_training)
 
     def _parts(self, logits: Float[Tensor, "n k"]) -> Int[Tensor, " n"]:
         if logits.shape[1] == 0:
@@ -162,8 +169,3 @@ class JointField(nn.Module):
                 f"{path}: not a readable field checkpoint ({first_line(error)}); run the fit again"
             ) from error
         return field.eval()
-
-
-def first_line(error: BaseException) -> str:
-    """The first line of an error's message, to be quoted in a one-line message."""
-    return (str(error).strip() or type(error).__name__).splitlines()[0]

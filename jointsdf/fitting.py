@@ -3,9 +3,9 @@
 import errno
 import logging
 import os
-import sys
 import time
 from collections.abc import Callable
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,14 @@ from lightning.pytorch.callbacks import LearningRateMonitor
 from lightning.pytorch.loggers import TensorBoardLogger
 from torch.utils.tensorboard import SummaryWriter
 
-from jointsdf.callbacks import Checkpoints, ProgressBar, stored_step
+from jointsdf.callbacks import Checkpoints, Progress, stored
+from jointsdf.errors import InputError
 from jointsdf.field import JointField
 from jointsdf.module import JointSDFModule
+from jointsdf.products import Products, noted, used
 from jointsdf.run_folder import BOARD, CHECKPOINT
 from jointsdf.run_state import report
-from jointsdf.values import InputError
+from jointsdf.threads import workers
 
 log = logging.getLogger(__name__)
 
@@ -33,37 +35,42 @@ def fit(
     data: LightningDataModule,
     folder: Path,
     *,
+    products: Products,
     accelerator: str,
     checkpoint_seconds: float,
     log_every: int,
     preview: Callable[[SummaryWriter], Callback] | None,
-) -> tuple[float, str]:
+) -> tuple[float, dict[str, str | int]]:
     """Train to the module's `max_steps`, going on from the folder's checkpoint where there is one.
 
     Args:
         module: What is trained; on the CPU and in evaluation mode afterwards.
         data: Its samples.
         folder: The run folder.
+        products: How matrices shall be multiplied; `auto` where that is to be measured.
         accelerator: `auto`, `cpu` or `gpu`.
         checkpoint_seconds: What kill -9 can cost.
         log_every: Steps between two TensorBoard points.
         preview: Makes the callback that looks at the run under way.
 
     Returns:
-        Seconds of training, those before an interruption included, and the name of the device.
+        Seconds of training, those before an interruption included, and what the fit used of this machine.
 
     Raises:
         InputError: The checkpoint cannot be read, or a loss is not finite.
         SystemExit: Ctrl-C or SIGTERM; the checkpoint is written.
     """
-    path, steps = folder / CHECKPOINT, module.max_steps
-    done = stored_step(path, module)
+    path, steps, threads = folder / CHECKPOINT, module.max_steps, workers()
+    done, before = stored(path, module)
+    gpu = accelerator != "cpu" and torch.cuda.is_available()
+    sizes = replace(module.sizes, device=torch.device("cuda" if gpu else "cpu"))
+    module.products = used(products, sizes, before)
     if done:
         log.info("going on from step %d of %d", done, steps)
     board = board_of(folder, purge_step=done or None)  # what was logged after the checkpoint comes again
-    checkpoints = Checkpoints(path, checkpoint_seconds, done)
+    checkpoints = Checkpoints(path, checkpoint_seconds, done, noted(module.products, sizes))
     callbacks: list[Callback] = [checkpoints, LearningRateMonitor("step"), StatusFile(folder, checkpoints)]
-    callbacks += [ProgressBar(steps)] if sys.stderr.isatty() else []
+    callbacks += [Progress(steps)]
     callbacks += [preview(board.experiment)] if preview else []
     trainer = _trainer(accelerator, steps, board, callbacks, log_every)
     try:
@@ -74,7 +81,7 @@ def fit(
         raise
     device = torch.cuda.get_device_name(module.device) if module.device.type == "cuda" else module.device.type
     module.to("cpu").eval()
-    return checkpoints.seconds_trained, device
+    return checkpoints.seconds_trained, asdict(module.products) | {"threads": threads, "device": device}
 
 
 class StatusFile(Callback):

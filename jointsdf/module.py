@@ -15,12 +15,15 @@ from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 
 from jointsdf.derivatives import Mixed, mixed_stencil, tangent_frame
+from jointsdf.errors import InputError
 from jointsdf.field import JointField
 from jointsdf.losses import Needs, Term
 from jointsdf.losses.schedule import Schedule
-from jointsdf.optimizers import Group, parameter_groups
+from jointsdf.optimizers import Group, MuonAdam, parameter_groups
+from jointsdf.products import Products, Sizes
 from jointsdf.sine_pass import Evaluation, evaluate
-from jointsdf.values import FieldValues, InputError, Samples, Step
+from jointsdf.threads import MOST
+from jointsdf.values import FieldValues, Samples, Step
 
 
 class NonFiniteLossError(InputError):
@@ -43,8 +46,10 @@ class JointSDFModule(LightningModule):
         cosine: Whether every learning rate falls to 0 along a half cosine.
         warmup: Share of the steps over which the rates rise linearly from 0.
         trunk_rate: Factor on the trunk's learning rates.
-        backward_dtype: Precision of the trunk's backward matrix products; None: that of the parameters.
         log_every: Steps between two that are logged, the trainer's own number.
+
+    Attributes:
+        products: Precision of the matrix products; the fit may choose another before it starts.
     """
 
     def __init__(
@@ -62,7 +67,6 @@ class JointSDFModule(LightningModule):
         cosine: bool = False,
         warmup: float = 0.0,
         trunk_rate: float = 1.0,
-        backward_dtype: torch.dtype | None = None,
         log_every: int = 1,
     ) -> None:
         super().__init__()
@@ -77,7 +81,7 @@ class JointSDFModule(LightningModule):
         self.max_steps, self.seed = max_steps, seed
         self.head_lr, self.clip = head_lr, clip
         self.cosine, self.warmup, self.trunk_rate = cosine, warmup, trunk_rate
-        self.backward_dtype, self.log_every = backward_dtype, log_every
+        self.products, self.log_every = Products(), log_every
         self.drops = any(isinstance(layer, nn.Dropout) for layer in field.modules())
 
     def active_weights(self, step: int) -> dict[str, float]:
@@ -143,12 +147,21 @@ class JointSDFModule(LightningModule):
 
     def _pass(self, points: Float[Tensor, "n 3"], **wanted: Any) -> Evaluation:
         trunk = self.field.trunk
-        return evaluate(trunk.sine_layers, trunk.output, points, backward_dtype=self.backward_dtype, **wanted)
+        low = self.products.dtype("backward")
+        return evaluate(trunk.sine_layers, trunk.output, points, backward_dtype=low, **wanted)
+
+    @property
+    def sizes(self) -> Sizes:
+        """What a step multiplies."""
+        width, depth = self.field.trunk.feature_width - 3, len(self.field.trunk.sine_layers)
+        return Sizes(MOST, width, depth - 1, self.device)
 
     def configure_optimizers(self) -> OptimizerLRSchedulerConfig:
         """The optimizer over the named groups, and the learning-rate schedule by step."""
         groups = parameter_groups(self.field.trunk, self.field.head, head_lr=self.head_lr)
         optimizer = self.optimizer(groups)
+        if isinstance(optimizer, MuonAdam):
+            optimizer.muon.dtype = self.products.dtype("orthogonalisation")
 
         def of_head(step: int) -> float:  # plain functions: LambdaLR would store a method's attributes in checkpoints
             return self.rate(step)

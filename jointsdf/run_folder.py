@@ -8,9 +8,9 @@ from typing import Any
 
 import yaml
 
+from jointsdf.errors import InputError
 from jointsdf.results import ROW_FILE, ResultRow, config_hash, read_row, write_atomically
 from jointsdf.run_state import LOCK, STATUS
-from jointsdf.values import InputError
 
 CONFIG, CHECKPOINT, FIELD, BOARD = "config.yaml", "last.ckpt", "field.ckpt", "tb"
 REUSED = "reused_from"  # in a row's provenance: the run or the file that it was taken from
@@ -19,7 +19,9 @@ log = logging.getLogger(__name__)
 
 # What decides the numbers of a run; everything else in the config is where and how it runs.
 NUMBERS = ("seed", "tessellation", "data", "trunk", "head", "loss", "optimizer", "trainer", "extraction", "evaluation")
-MACHINE = ("accelerator", "checkpoint_seconds", "log_every", "preview_every", "preview_resolution", "workers", "matmul")
+PREVIEWS = ("preview_every", "preview_resolution")
+MACHINE = ("accelerator", "checkpoint_seconds", "log_every", *PREVIEWS, "workers", "matmul", "orthogonalisation")
+AS_BEFORE = {("optimizer", "iterations"): "five"}  # a later key, and the value at which a run is what it was without it
 
 
 def identity(settings: Mapping[str, Any], **shape: str) -> dict[str, Any]:
@@ -32,6 +34,9 @@ def identity(settings: Mapping[str, Any], **shape: str) -> dict[str, Any]:
     numbers = {name: settings[name] for name in NUMBERS}
     for group in ("trainer", "data"):
         numbers[group] = {key: value for key, value in numbers[group].items() if key not in MACHINE}
+    for (group, key), before in AS_BEFORE.items():
+        if numbers[group].get(key) == before:
+            numbers[group] = {name: value for name, value in numbers[group].items() if name != key}
     data = numbers["data"]
     if data.get("region_points") == 0:  # without such points their share decides nothing
         counts = {key: value for key, value in data["counts"].items() if key != "regions"}

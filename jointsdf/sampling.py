@@ -11,7 +11,8 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from jointsdf.cloud import STEPS, Cloud, stream
-from jointsdf.values import BOX, InputError, Samples
+from jointsdf.errors import InputError
+from jointsdf.values import BOX, Samples
 
 SHELL_NEIGHBOUR = 51  # the released FlatCAD code: noise as wide as the distance to the 51st neighbour
 

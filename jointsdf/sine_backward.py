@@ -8,8 +8,14 @@ from jointsdf.sine_forward import Layers, Record
 Bars = list[Tensor | None]  # adjoints, one per layer
 
 
-def backward(net: Layers, record: Record, tap: int | None, bars: Bars, sums: list[Tensor]) -> None:
-    """Add one chunk's share to the parameter gradients, going through the forward pass in reverse order."""
+def backward(net: Layers, record: Record, tap: int | None, bars: Bars) -> list[Tensor]:
+    """One piece's share of the parameter gradients, going through the forward pass in reverse order.
+
+    Returns:
+        Adjoints of W_1, b_1, W_2, ..., w, b; omega is not yet in them.
+    """
+    sums = [torch.zeros_like(x) for pair in zip(net.weights, net.biases, strict=True) for x in pair]
+    sums += [torch.zeros_like(net.output), torch.zeros_like(net.offset)]
     sdf_bar, feature_bar, grad_bar, mixed_bar = bars
     sine_bars, cosine_bars, adjoint_bars = (_none(net) for _ in range(3))
     if mixed_bar is not None:
@@ -24,6 +30,7 @@ def backward(net: Layers, record: Record, tap: int | None, bars: Bars, sums: lis
     if feature_bar is not None and tap:
         sine_bars[tap - 1] = feature_bar if (own := sine_bars[tap - 1]) is None else own + feature_bar
     _value_bars(net, record, sine_bars, cosine_bars, sums)
+    return sums
 
 
 def _hessian_vector_bars(net: Layers, record: Record, mixed_bar: Tensor, sums: list[Tensor]) -> tuple[Bars, Bars, Bars]:

@@ -22,8 +22,7 @@ from jointsdf.derivatives import tangent_frame
 from jointsdf.layers import SineLayer
 from jointsdf.sine_backward import backward
 from jointsdf.sine_forward import Layers, Record, gradient, hessian_vector, value
-
-CPU_CHUNK = 1000  # points whose activations stay in cache
+from jointsdf.threads import over_threads, pieces
 
 
 class Evaluation(NamedTuple):
@@ -92,39 +91,37 @@ class _SinePass(torch.autograd.Function):
         weights = [omega * weight for omega, weight in zip(omegas, inner[::2], strict=True)]
         biases = [omega * bias for omega, bias in zip(omegas, inner[1::2], strict=True)]
         net = Layers(weights, biases, output, offset, [weight.to(dtype or weight.dtype) for weight in weights])
-        chunk = len(points) if points.is_cuda else CPU_CHUNK
-        records, values, gradients, mixed = [], [], [], []
-        for part, turned in zip(points.split(chunk), _split(angles, points, chunk), strict=True):
-            record = Record(part)
-            records.append(record)
-            values.append(value(net, record))
-            if order:
-                gradients.append(gradient(net, record))
-            if turned is not None:
-                record.frame = tangent_frame(normalize(gradients[-1], dim=-1), turned)
-                mixed.append((hessian_vector(net, record) * record.frame[1]).sum(-1))
+
+        def ahead(piece: tuple[Tensor, Tensor | None]) -> tuple[Record, tuple[Tensor | None, ...]]:
+            record = Record(piece[0])
+            sdf, grad, mixed = value(net, record), gradient(net, record) if order else None, None
+            if piece[1] is not None and grad is not None:
+                record.frame = tangent_frame(normalize(grad, dim=-1), piece[1])
+                mixed = (hessian_vector(net, record) * record.frame[1]).sum(-1)
+            return record, (sdf, record.sines[tap - 1] if tap else None, grad, mixed)
+
+        count = pieces(points)
+        turned = [None] * count if angles is None else angles.tensor_split(count)
+        records, parts = zip(*over_threads(ahead, zip(points.tensor_split(count), turned, strict=True)), strict=True)
         ctx.net, ctx.records, ctx.omegas, ctx.tap = net, records, omegas, tap
         ctx.set_materialize_grads(False)
-        feature = torch.cat([record.sines[tap - 1] for record in records]) if tap else None
-        return torch.cat(values), feature, *(torch.cat(parts) if parts else None for parts in (gradients, mixed))
+        return tuple(None if column[0] is None else torch.cat(column) for column in zip(*parts, strict=True))
 
     @staticmethod
     def backward(ctx: Any, *outputs_bar: Tensor | None) -> tuple[Tensor | None, ...]:
         net: Layers = ctx.net
-        sums = [torch.zeros_like(x) for pair in zip(net.weights, net.biases, strict=True) for x in pair]
-        sums += [torch.zeros_like(net.output), torch.zeros_like(net.offset)]
-        start = 0
-        for record in ctx.records:
-            stop = start + len(record.points)
-            bars = [None if bar is None else bar[start:stop] for bar in outputs_bar]
-            backward(net, record, ctx.tap, bars, sums)
-            start = stop
+        sizes = [len(record.points) for record in ctx.records]
+        bars = zip(*([None] * len(sizes) if bar is None else bar.split(sizes) for bar in outputs_bar), strict=True)
+
+        def back(piece: tuple[Record, tuple[Tensor | None, ...]]) -> list[Tensor]:
+            return backward(net, piece[0], ctx.tap, list(piece[1]))
+
+        sums, *more = over_threads(back, zip(ctx.records, bars, strict=True))
+        for others in more:  # in the order of the pieces, whichever came first
+            for total, other in zip(sums, others, strict=True):
+                total += other
         del ctx.records, ctx.net
         for i, omega in enumerate(ctx.omegas):
             sums[2 * i].mul_(omega)
             sums[2 * i + 1].mul_(omega)
         return None, None, None, None, *sums
-
-
-def _split(angles: Tensor | None, points: Tensor, chunk: int) -> list[Tensor | None]:
-    return [None] * len(points.split(chunk)) if angles is None else list(angles.split(chunk))

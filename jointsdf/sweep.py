@@ -25,13 +25,14 @@ from omegaconf import DictConfig
 
 from jointsdf import run_state
 from jointsdf.console import one_line, quiet_libraries
+from jointsdf.errors import InputError
+from jointsdf.phases import phase, run_named
 from jointsdf.results import ROW_FILE
 from jointsdf.run_folder import FIELD
-from jointsdf.values import InputError
 
 log = logging.getLogger(__name__)
 
-SPEAKS_OF_ONE_RUN = ("jointsdf.experiment", "jointsdf.shapes.report")
+SPEAKS_OF_ONE_RUN = ("jointsdf.experiment", "jointsdf.shapes.report", "jointsdf.products", "jointsdf.phases")
 PLAIN = ("shape", "seed")  # values on which nothing else in a config depends
 
 
@@ -62,10 +63,11 @@ class Sweep(Callback):
         Raises:
             SystemExit: The chosen engine is not installed.
         """
-        from jointsdf.assembly import folder_of  # torch only where it is needed
-
         global driven
         quiet_libraries()
+        with phase("start", "torch and lightning, then the runs of the sweep"):
+            from jointsdf.assembly import folder_of
+        quiet_libraries()  # those that came with it as well
         _check_engine(config)
         folders = [folder_of(cfg) for cfg in _wanted_configs(config)]
         driven = Driven(list(dict.fromkeys(folders)))
@@ -87,6 +89,7 @@ def run_one(cfg: DictConfig, *, in_the_end: bool = False) -> float | None:
             in a process that drives no sweep, too.
     """
     from jointsdf import assembly, experiment
+    from jointsdf.summary import summary
 
     folder = None
     try:
@@ -95,7 +98,7 @@ def run_one(cfg: DictConfig, *, in_the_end: bool = False) -> float | None:
         before = run_state.state(folder)
         if before.killed_twice:
             raise InputError(f"its process was killed twice at step {before.step}: is memory short?")
-        with _quiet():
+        with _quiet(), run_named(f"{cfg.head.name} {cfg.shape}"):
             row = experiment.run(cfg, wait=in_the_end or not driven.wanted)
     except run_state.Busy:
         log.info("%s: another process works on it; it is looked at again in the end", folder)
@@ -111,7 +114,7 @@ def run_one(cfg: DictConfig, *, in_the_end: bool = False) -> float | None:
     finally:
         gc.collect()  # the next run needs the memory
     if before.kind != "done":
-        log.info("%s %s", _progress(folder), experiment.summary(row, cfg.evaluation.primary, folder))
+        log.info("%s %s", _progress(folder), summary(row, cfg.evaluation.primary, folder))
     return row.scores[cfg.evaluation.primary]["cd_l1"]
 
 

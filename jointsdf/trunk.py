@@ -8,8 +8,9 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from jointsdf.derivatives import trace
+from jointsdf.errors import InputError
 from jointsdf.layers import SineLayer, hidden_sine, sine_, start_uniform
-from jointsdf.values import BOX, InputError
+from jointsdf.values import BOX
 
 SPHERE_RADIUS = 0.5  # network length units; about the size of a part in its box
 

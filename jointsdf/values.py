@@ -20,10 +20,6 @@ UNLABELLED = -1
 BOX = 1.1  # half side of the training box in the network frame (paper: samples in [-1.1, 1.1]^3)
 
 
-class InputError(ValueError):
-    """What the user gave cannot be used. The message is one line: the value, and the fix."""
-
-
 @dataclass(frozen=True)
 class Normalisation:
     """The invertible map between the file frame and another: `(file - centre) / scale`.

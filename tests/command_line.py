@@ -55,11 +55,12 @@ def call(script: str, *arguments: object) -> Answer:
     written = io.StringIO()
     thumbnail = partial(compare, width=96, height=72)  # pictures are most of a quick run's time
     handler = logging.StreamHandler(written)
-    root, quieted = logging.getLogger(), logging.getLogger("jointsdf.extraction")
-    before = sys.argv, root.level, quieted.level
+    root, quieted, phases = (logging.getLogger(name) for name in (None, "jointsdf.extraction", "jointsdf.phases"))
+    before = sys.argv, root.level, quieted.level, phases.level
     sys.argv = [str(ROOT / script), *map(str, arguments)]
     root.addHandler(handler)
     root.setLevel(logging.INFO)
+    phases.setLevel(logging.WARNING)  # that a phase begins is said in every run, and not what is asked of most
     code = 0
     try:
         with contextlib.ExitStack() as stack:
@@ -75,8 +76,9 @@ def call(script: str, *arguments: object) -> Answer:
     finally:
         logging.captureWarnings(False)
         root.removeHandler(handler)
-        sys.argv, level, quieted.level = before
-        root.setLevel(level)
+        sys.argv, *levels = before
+        for logger, level in zip((root, quieted, phases), levels, strict=True):
+            logger.setLevel(level)
     return Answer(code, written.getvalue())
 
 

@@ -1,5 +1,9 @@
 """Shapes of known distance and small fields, shared by the tests."""
 
+import atexit
+import os
+import shutil
+import tempfile
 from collections.abc import Callable, Iterator
 
 import jaxtyping
@@ -14,6 +18,8 @@ from jointsdf.values import LabelledMesh, Normalisation, Shape
 BOX_EXTENTS = np.array([40.0, 24.0, 16.0])  # file units
 BOX_CENTRE = np.array([5.0, -3.0, 11.0])
 BOX_PARTS = (3, 7, 12, 40)  # original ids, not contiguous
+os.environ["XDG_CACHE_HOME"] = tempfile.mkdtemp()  # nothing that the user keeps is read or written
+atexit.register(shutil.rmtree, os.environ["XDG_CACHE_HOME"], ignore_errors=True)
 torch.set_num_threads(1)  # small tensors: two threads wait for each other, the longer the busier the machine
 KNOBS: dict[str, dict[str, object]] = {  # of small heads
     "relu": {"widths": [16, 8], "dropout": 0.2},

@@ -12,12 +12,13 @@ from omegaconf import OmegaConf
 from scipy.spatial.transform import Rotation
 from scipy.stats import chisquare
 
+from jointsdf.errors import InputError
 from jointsdf.evaluation import GroundTruth, Protocol, bounding_frame, sample_surface
 from jointsdf.metrics import project
 from jointsdf.metrics.chamfer import Chamfer
 from jointsdf.metrics.exact_labels import ExactLabels
 from jointsdf.metrics.f_score import FScore
-from jointsdf.values import InputError, LabelledMesh, SurfaceSamples
+from jointsdf.values import LabelledMesh, SurfaceSamples
 
 CONFIG = OmegaConf.load(Path(__file__).parents[1] / "conf" / "evaluation" / "default.yaml")
 PROTOCOLS = instantiate(CONFIG.protocols, _convert_="all")

@@ -326,7 +326,7 @@ def test_settings_have_one_hash_whatever_the_shape_and_head(tmp_path):
 
 def test_measured_again_it_multiplies_matrices_as_the_run_did(monkeypatch):
     asked: list[str] = []
-    monkeypatch.setattr(experiment, "choose_matmul", asked.append)
+    monkeypatch.setattr(experiment, "use_matmul", asked.append)
     assert call("evaluate.py", f"run={finished()}").code == 0
     assert asked == [row_of(finished())["provenance"]["matmul"]]
 

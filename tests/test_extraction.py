@@ -13,11 +13,12 @@ from skimage.measure import marching_cubes
 from torch import Tensor, nn
 
 from jointsdf import search
+from jointsdf.errors import InputError
 from jointsdf.extraction import Extraction, Surface
 from jointsdf.following import NOTHING, Pairs
 from jointsdf.grid import Grid
 from jointsdf.octants import Believed, Skipped
-from jointsdf.values import BOX, InputError, Normalisation
+from jointsdf.values import BOX, Normalisation
 
 Sdf = Callable[[np.ndarray], np.ndarray]
 CELL = 2 * BOX / 127  # at 128 grid points

@@ -7,8 +7,9 @@ import pytest
 import trimesh
 
 from jointsdf import shapes
+from jointsdf.errors import InputError
 from jointsdf.shapes import features, file
-from jointsdf.values import InputError, Shape
+from jointsdf.values import Shape
 
 ABC = Path(os.environ.get("JOINTSDF_ABC", "absent"))
 RAW = ABC.parent / "abc_raw"

@@ -10,6 +10,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from study_rows import make_row, write
 
+from jointsdf.errors import InputError
 from jointsdf.figures import meshes, pictures
 from jointsdf.figures.__main__ import main, write_figures
 from jointsdf.figures.meshes import Pair
@@ -19,7 +20,7 @@ from jointsdf.study.curves import loss_curves, read_curves
 from jointsdf.study.drawing import COLOURS, MARKERS, dodge, look
 from jointsdf.study.groups import Group, split
 from jointsdf.study.plots import error_scatter, metric_comparison, part_count, time_quality
-from jointsdf.values import InputError, LabelledMesh, Shape
+from jointsdf.values import LabelledMesh, Shape
 
 HEADS = ("relu", "siren", "hybrid")
 

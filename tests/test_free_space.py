@@ -8,9 +8,10 @@ from scipy.ndimage import label
 
 from jointsdf.cloud import stream
 from jointsdf.data import ShapeDataModule
+from jointsdf.errors import InputError
 from jointsdf.free_space import FINEST, LEAST_CELLS, FreeSpace
 from jointsdf.sampling import Counts
-from jointsdf.values import BOX, InputError, Shape
+from jointsdf.values import BOX, Shape
 
 
 def probes(count: int = 40000) -> np.ndarray:

@@ -12,6 +12,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 from sklearn.metrics import adjusted_rand_score
 
+from jointsdf.errors import InputError
 from jointsdf.regions import components, face_graph, smooth_regions
 from jointsdf.shapes import abc, load
 from jointsdf.shapes import labels as part_labels
@@ -22,7 +23,7 @@ from jointsdf.shapes.merging import SMALLEST
 from jointsdf.shapes.region_measures import measured
 from jointsdf.shapes.surroundings import surroundings
 from jointsdf.surfaces import face_areas
-from jointsdf.values import InputError, LabelledMesh
+from jointsdf.values import LabelledMesh
 
 COUNTS = (None, 2, 3, 7, 18, 40)
 CREASED = ["part_02", "part_05", "part_06", "part_08", "part_11", "part_12", "part_15", "part_41"]

@@ -3,9 +3,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from jointsdf.errors import InputError
 from jointsdf.shapes.labels import numbered_by_area, read
 from jointsdf.surfaces import face_areas
-from jointsdf.values import InputError, LabelledMesh
+from jointsdf.values import LabelledMesh
 
 
 def strip(widths: list, labels: list[int], height: float = 1.0) -> LabelledMesh:

@@ -11,6 +11,7 @@ import trimesh
 from sklearn.metrics import accuracy_score, confusion_matrix, jaccard_score
 from torchmetrics.functional.classification import multiclass_jaccard_index
 
+from jointsdf.errors import InputError
 from jointsdf.evaluation import sample_surface
 from jointsdf.metrics import confusion, label_scores, match, project
 from jointsdf.metrics.boundary import Boundary, points_along
@@ -23,7 +24,7 @@ from jointsdf.metrics.segmentation import Segmentation
 from jointsdf.metrics.surface_distance import SurfaceDistance
 from jointsdf.metrics.topology import Topology, topology
 from jointsdf.surfaces import border_edges
-from jointsdf.values import InputError, LabelledMesh, SurfaceSamples
+from jointsdf.values import LabelledMesh, SurfaceSamples
 
 EMPTY = LabelledMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64))
 NO_SAMPLES = sample_surface(EMPTY, 10, 0)

@@ -11,10 +11,11 @@ import trimesh
 from sklearn.metrics import adjusted_rand_score
 
 from jointsdf import shapes
+from jointsdf.errors import InputError
 from jointsdf.shapes import partfield
 from jointsdf.shapes.labels.__main__ import main
 from jointsdf.shapes.matching import matched
-from jointsdf.values import InputError, Shape
+from jointsdf.values import Shape
 
 BAR = trimesh.creation.box((12, 2, 2), transform=trimesh.transformations.translation_matrix((30, 4, 1))).subdivide()
 BAR = BAR.subdivide().subdivide()

@@ -19,9 +19,9 @@ import trimesh
 from test_step import METRE, NEEDS_READER, step_boxes
 
 from jointsdf import preparation, shapes
+from jointsdf.errors import InputError
 from jointsdf.preparation import archive, chunks, command, convert, download, members
 from jointsdf.shapes import abc
-from jointsdf.values import InputError
 
 ABC = Path(os.environ.get("JOINTSDF_ABC", "absent"))
 RAW = ABC.parent / "abc_raw"

@@ -12,8 +12,9 @@ import pytest
 import trimesh
 
 from jointsdf import shapes
+from jointsdf.errors import InputError
 from jointsdf.shapes import abc, file, providers, repair
-from jointsdf.values import InputError, Shape
+from jointsdf.values import Shape
 from jointsdf.viewing.export import write_mesh
 
 BOX = trimesh.creation.box((2.0, 3.0, 4.0), transform=trimesh.transformations.translation_matrix((5, 6, 7)))

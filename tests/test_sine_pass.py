@@ -10,7 +10,7 @@ from hydra import compose, initialize_config_dir
 from sine_networks import NETWORKS, network, plain, random_points, relative
 from torch import Tensor
 
-from jointsdf import sine_pass
+from jointsdf import threads
 from jointsdf.derivatives import Mixed, autograd_gradient, autograd_mixed, mixed_stencil, tangent_frame
 from jointsdf.field import JointField
 from jointsdf.losses import Needs
@@ -45,7 +45,7 @@ def parameter_gradients(trunk: SirenTrunk, loss: Tensor) -> list[Tensor]:
 def test_values_and_parameter_gradients_equal_double_backward(
     monkeypatch: pytest.MonkeyPatch, sizes: Sizes, wanted: str, tap: int | str | None, chunk: int
 ) -> None:
-    monkeypatch.setattr(sine_pass, "CPU_CHUNK", chunk)
+    monkeypatch.setattr(threads, "MOST", chunk)
     trunk, (points, angles) = network(*sizes), random_points()
     layer = sizes[1] if tap == "last" else tap
     expected = oracle(trunk, points, angles, layer or 1)

@@ -11,8 +11,9 @@ import pytest
 import trimesh
 
 from jointsdf import shapes
+from jointsdf.errors import InputError
 from jointsdf.shapes import step
-from jointsdf.values import InputError, Shape
+from jointsdf.values import Shape
 
 DATA = Path(os.environ.get("JOINTSDF_ABC", "absent")).parent
 NEEDS_READER = pytest.mark.skipif(not importlib.util.find_spec("cascadio"), reason="cascadio is not installed")

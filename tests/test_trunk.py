@@ -11,11 +11,12 @@ import torch
 from torch import Tensor, nn
 
 from jointsdf import trunk as trunk_module
+from jointsdf.errors import InputError
 from jointsdf.field import JointField
 from jointsdf.heads import HEADS
 from jointsdf.layers import SineLayer
 from jointsdf.trunk import SirenTrunk
-from jointsdf.values import BOX, InputError, Normalisation
+from jointsdf.values import BOX, Normalisation
 
 BuildField = Callable[..., JointField]
 FULL_HEADS: dict[str, dict[str, object]] = {  # the sizes of the method

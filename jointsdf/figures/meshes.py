@@ -11,8 +11,9 @@ from scipy.optimize import linear_sum_assignment
 
 from jointsdf.assembly import stored_truth
 from jointsdf.distance import ExactDistance
+from jointsdf.errors import InputError
 from jointsdf.shapes.file import painted
-from jointsdf.values import InputError, LabelledMesh, Shape
+from jointsdf.values import LabelledMesh, Shape
 
 MESH = "mesh.ply"
 

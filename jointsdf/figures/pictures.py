@@ -10,13 +10,14 @@ from jaxtyping import Float, UInt8
 from matplotlib import colormaps
 from numpy import ndarray
 
+from jointsdf.errors import InputError
 from jointsdf.figures.meshes import Pair, load_pair
 from jointsdf.figures.page import HEAT, Row, page, trimmed
 from jointsdf.study.captions import caption
 from jointsdf.study.curves import run_folder
 from jointsdf.study.drawing import Drawing
 from jointsdf.study.groups import Group, compare
-from jointsdf.values import InputError, LabelledMesh
+from jointsdf.values import LabelledMesh
 from jointsdf.viewing.render import render
 
 PIXELS: dict[str, Any] = {"width": 600, "height": 450}

@@ -8,8 +8,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from jointsdf.errors import InputError
 from jointsdf.losses import Needs
-from jointsdf.values import InputError, Step
+from jointsdf.values import Step
 
 POINT_SETS = ("manifold", "non_manifold", "shell", "pool")
 

@@ -6,8 +6,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from jointsdf.errors import InputError
 from jointsdf.losses import Needs
-from jointsdf.values import InputError, Step
+from jointsdf.values import Step
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
-from jointsdf.values import InputError
+from jointsdf.errors import InputError
 
 FORMS = ("constant", "linear", "quintic", "step")
 

@@ -7,8 +7,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from jointsdf.derivatives import Mixed
+from jointsdf.errors import InputError
 from jointsdf.losses import Needs
-from jointsdf.values import InputError, Step
+from jointsdf.values import Step
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from jointsdf.errors import InputError
 from jointsdf.metrics import match
-from jointsdf.values import InputError, SurfaceSamples
+from jointsdf.values import SurfaceSamples
 
 FORMS = ("cosine", "axes")
 

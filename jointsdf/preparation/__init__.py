@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from jointsdf.errors import InputError
 from jointsdf.preparation import archive, chunks, convert, members
 from jointsdf.preparation.progress import Progress, silent
 from jointsdf.shapes import abc
-from jointsdf.values import InputError
 
 DONE, THERE, ABSENT, FAILED = "done", "already there", "not in this source", "failed"
 FORMATS = {"obj": ("obj", "feat"), "step": ("step",), "obj without features": ("obj",), "stl": ("stl",)}

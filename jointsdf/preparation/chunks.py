@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 
-from jointsdf.values import InputError
+from jointsdf.errors import InputError
 
 MODELS_PER_CHUNK = 10_000
 MAIN = "0000"  # of all catalogue shapes but one

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from jointsdf import preparation
+from jointsdf.errors import InputError
 from jointsdf.preparation import archive, chunks, download, members
 from jointsdf.preparation.progress import bars
 from jointsdf.shapes import abc
-from jointsdf.values import InputError
 
 FORMATS = ("step", "obj")
 

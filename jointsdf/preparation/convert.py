@@ -15,9 +15,10 @@ from numpy import ndarray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from jointsdf.errors import InputError
 from jointsdf.shapes import features, file, step
 from jointsdf.shapes.abc import CatalogueEntry
-from jointsdf.values import UNLABELLED, InputError
+from jointsdf.values import UNLABELLED
 
 METRES = (0.001, 0.01, 0.0254, 0.3048, 1.0)  # per mm, cm, inch, foot, metre
 CLOSE = 0.01  # relative difference of extents that tessellation may make

@@ -13,9 +13,9 @@ import urllib.request
 from pathlib import Path
 from typing import BinaryIO
 
+from jointsdf.errors import InputError
 from jointsdf.preparation.chunks import Chunk
 from jointsdf.preparation.progress import Progress, silent
-from jointsdf.values import InputError
 
 BLOCK = 1 << 20
 FULL = (errno.ENOSPC, errno.EDQUOT)

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from jointsdf.errors import InputError
 from jointsdf.shapes.abc import CatalogueEntry
-from jointsdf.values import InputError
 
 MEMBER = re.compile(r"(\d{8})_([0-9a-f]{24})_(trimesh|features|step)_(\d+)\.(obj|stl|yml|step|stp)")
 KINDS = {

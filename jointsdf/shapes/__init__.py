@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
+from jointsdf.errors import InputError
 from jointsdf.shapes import abc, builtin, features, file, repair, step
 from jointsdf.shapes.partfield import names as partfield_names
 from jointsdf.shapes.providers import Subject, benchmark, provide
-from jointsdf.values import UNLABELLED, InputError, LabelledMesh, Shape
+from jointsdf.values import UNLABELLED, LabelledMesh, Shape
 
 FALLBACK = "part_01"
 ABC_MISSING = ("fallback", "error")

@@ -16,7 +16,8 @@ from jaxtyping import Int
 from numpy import ndarray
 from yaml.events import CollectionEndEvent, CollectionStartEvent, MappingEndEvent, NodeEvent, ScalarEvent
 
-from jointsdf.values import UNLABELLED, InputError
+from jointsdf.errors import InputError
+from jointsdf.values import UNLABELLED
 
 SUFFIXES = (".yml", ".yaml")
 DEEPEST = 20  # levels of nesting; the files have six

@@ -17,7 +17,8 @@ import trimesh
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.values import UNLABELLED, InputError
+from jointsdf.errors import InputError
+from jointsdf.values import UNLABELLED
 
 FORMATS = ("ply", "obj", "stl", "off", "glb", "step", "stp")
 

@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from jointsdf.values import InputError
+from jointsdf.errors import InputError
 
 TOLERANCE = 1e-5  # of the longest side; text files and 32-bit floats round below it
 

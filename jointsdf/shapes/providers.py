@@ -12,11 +12,12 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
+from jointsdf.errors import InputError
 from jointsdf.shapes import features, file, partfield
 from jointsdf.shapes import labels as part_labels
 from jointsdf.shapes.geometric import hierarchy
 from jointsdf.shapes.matching import matched
-from jointsdf.values import UNLABELLED, InputError, LabelledMesh
+from jointsdf.values import UNLABELLED, LabelledMesh
 
 Labels = tuple[Int[ndarray, " f"], str]
 

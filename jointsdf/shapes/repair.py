@@ -10,7 +10,7 @@ from numpy import ndarray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from jointsdf.values import InputError
+from jointsdf.errors import InputError
 
 COARSE, SLOW = 10, 2_000_000  # faces: at most, at least
 

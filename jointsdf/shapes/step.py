@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.values import InputError
+from jointsdf.errors import InputError
 
 SUFFIXES = (".step", ".stp")
 MILLIMETRE = 1e-3

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
+from jointsdf.errors import InputError
 from jointsdf.surfaces import face_areas
-from jointsdf.values import UNLABELLED, InputError, LabelledMesh
+from jointsdf.values import UNLABELLED, LabelledMesh
 
 TEXT = (".txt",)
 

@@ -13,10 +13,11 @@ import numpy as np
 import trimesh
 
 from jointsdf import shapes
+from jointsdf.errors import InputError
 from jointsdf.shapes import partfield
 from jointsdf.shapes.file import FileMesh
 from jointsdf.shapes.labels import numbered_by_area
-from jointsdf.values import InputError, LabelledMesh
+from jointsdf.values import LabelledMesh
 
 SCRIPTS = ("partfield_inference.py", "run_part_clustering.py")
 MOST_CLUSTERS = 20  # its clustering is asked for 1 to 20 parts

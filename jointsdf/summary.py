@@ -1,0 +1,51 @@
+"""What a finished run says of itself: its numbers in one line, how good it is in words, and which files to open."""
+
+from pathlib import Path
+
+import trimesh
+
+from jointsdf.evaluation import bounding_frame
+from jointsdf.results import ResultRow
+from jointsdf.values import LabelledMesh
+
+
+def summary(row: ResultRow, protocol: str, folder: Path) -> str:
+    """The run in one line."""
+    scores = row.scores[protocol]
+    if row.status == "empty_mesh":
+        return f"{row.shape} {row.head}: empty_mesh (the field has no surface in the box), {folder}"
+    return (
+        f"{row.shape} {row.head}: cd_l1 {scores['cd_l1']:.4f} (floor {scores['cd_l1_floor']:.4f})  "
+        f"nc {scores['nc']:.4f}  "
+        f"miou {scores['miou']:.4f} (floor {scores['miou_floor']:.4f})  miou_exact {scores['miou_exact']:.4f} "
+        f"(ceiling {scores['miou_exact_ceiling']:.4f})  components {scores['components']:.0f}  "
+        f"fit {row.seconds['fit']:.0f} s, total {row.seconds['total']:.0f} s  {folder}"
+    )
+
+
+def in_words(row: ResultRow, protocol: str, truth: LabelledMesh, mesh: LabelledMesh) -> str:
+    """How good the fit is, for people.
+
+    Args:
+        row: The run's.
+        protocol: Whose scores are taken; one whose frame is the ground truth's.
+        truth: Ground truth, file frame.
+        mesh: The run's, file frame.
+    """
+    if row.status == "empty_mesh":
+        return "no surface: the field has one sign in the whole box; more steps, or another recipe, may help"
+    scores, side = row.scores[protocol], bounding_frame(truth).scale
+    p99 = scores["surface_p99"]
+    said = [f"99% of the surface is within {p99 * side:.2g} of the part (file units; {p99:.2%} of its longest side)"]
+    if row.num_parts:
+        said.append(f"{scores['parts_pred']:.0f} of {scores['parts_gt']:.0f} parts")
+    closed = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).is_watertight
+    said.append("watertight" if closed else "not watertight")
+    pieces, wanted = scores["components"], scores["components_gt"]
+    said.append("one piece" if pieces == wanted == 1 else f"{pieces:.0f} pieces where the part has {wanted:.0f}")
+    return ", ".join(said)
+
+
+def files_to_open(folder: Path) -> str:
+    """Where to look first."""
+    return f"open {folder / 'preview.png'} (picture), mesh.glb (3D viewer), result.json (every number) beside it"
