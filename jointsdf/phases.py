@@ -44,9 +44,9 @@ class Phase:
 
     def line(self) -> str:
         """How it stands, in words."""
-        share = f" {self.done} of {self.total}" if self.total else ""
-        facts = f", {self.facts}" if self.facts else ""
-        return f"{_title(self.name)}:{share}{facts}, {time.monotonic() - self.began:.0f} s so far"
+        share = f"{self.done} of {self.total}" if self.total else ""
+        said = [share, self.facts, f"{time.monotonic() - self.began:.0f} s so far"]
+        return f"{_title(self.name)}: {', '.join(part for part in said if part)}"
 
     def show(self) -> None:
         """Move the bar."""

@@ -203,7 +203,7 @@ def this_machine(sizes: Sizes) -> dict[str, Any]:
         "instructions": torch.backends.cpu.get_cpu_capability(),
         "restricted": {name: os.environ[name] for name in RESTRICTED_BY if name in os.environ},
         "threads": workers(),
-        "torch": torch.__version__,
+        "torch": str(torch.__version__),
         "sizes": [sizes.points, sizes.width, sizes.matrices],
     }
 

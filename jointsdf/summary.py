@@ -32,8 +32,6 @@ def in_words(row: ResultRow, protocol: str, truth: LabelledMesh, mesh: LabelledM
         truth: Ground truth, file frame.
         mesh: The run's, file frame.
     """
-    if row.status == "empty_mesh":
-        return "no surface: the field has one sign in the whole box; more steps, or another recipe, may help"
     scores, side = row.scores[protocol], bounding_frame(truth).scale
     p99 = scores["surface_p99"]
     said = [f"99% of the surface is within {p99 * side:.2g} of the part (file units; {p99:.2%} of its longest side)"]

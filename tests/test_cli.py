@@ -19,9 +19,12 @@ from command_line import PLACE, QUICK, ROOT, call, train
 
 from jointsdf.field import JointField
 from jointsdf.module import JointSDFModule
+from jointsdf.shapes.builtin import BUILTINS
 
 pytestmark = pytest.mark.filterwarnings("default")
 BOX_FACES = 12
+PHASES = ("start", "load", "prepare", "fit", "extract", "measure", "draw")
+SIDE = np.ptp(BUILTINS["part_01"]().vertices, axis=0).max()
 
 
 def files_below(folder: Path) -> list[Path]:
@@ -308,17 +311,41 @@ def process(tmp_path: Path, *overrides: str, **streams) -> subprocess.Popen:
 
 
 def test_off_a_terminal_it_is_quiet(tmp_path):
-    """The whole output of a process: the mesh, the folder, the result; nothing of the libraries, nothing twice."""
+    """The whole output of a process: its phases, the mesh, the folder, the result; nothing of the libraries or twice."""
     with process(tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as run:
         lines = run.communicate()[0].splitlines()
     assert run.returncode == 0
-    assert len(lines) == 9, lines
-    assert lines[0].startswith("machine: ")
-    assert lines[1] == "part_01: 2940 faces, 1 component, watertight"
-    assert lines[6].startswith("part_01: its thinnest wall (6.72) is under 2 cells of the grid")
-    assert lines[7] == str(tmp_path / "out" / PLACE)
-    assert lines[8].startswith("part_01 siren: cd_l1 ")
+    begun = [line for line in lines if line.partition(":")[0] in PHASES]
+    assert [line.partition(":")[0] for line in begun] == list(PHASES), lines
+    assert lines[:2] == begun[:2] == ["start: torch and lightning", "load: part_01"]
+    said = [line for line in lines if line not in begun]
+    assert len(said) == 11, lines
+    assert said[0] == "part_01: 2940 faces, 1 component, watertight"
+    assert said[5].startswith("warning: part_01: its thinnest wall (6.72) is under 2 cells of the grid")
+    assert said[6] == str(tmp_path / "out" / PLACE)
+    assert said[7].startswith("machine: ")
+    assert said[8].startswith("part_01 siren: cd_l1 ")
+    row = json.loads((tmp_path / "out" / PLACE / "result.json").read_text())["scores"]["unit"]
+    within = re.match(
+        r"99% of the surface is within (\S+) of the part \(file units; (\S+)% of its longest side\), ", said[9]
+    )
+    assert within is not None, said[9]
+    assert float(within[2]) == pytest.approx(100 * row["surface_p99"], abs=0.01)
+    assert float(within[1]) == pytest.approx(row["surface_p99"] * SIDE, rel=0.05)
+    assert f"{row['parts_pred']:.0f} of 6 parts" in said[9]
+    assert str(tmp_path / "out" / PLACE / "preview.png") in said[10]
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_the_first_line_is_there_before_torch(tmp_path):
+    """Importing torch and Lightning takes seconds; what a user typed is answered before."""
+    unbuffered = {**os.environ, "PYTHONUNBUFFERED": "1", "PYTHONPROFILEIMPORTTIME": "1"}
+    with process(tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=unbuffered) as run:
+        lines = run.communicate()[0].splitlines()
+    first = next(k for k, line in enumerate(lines) if line == "start: torch and lightning")
+    imported = [k for k, line in enumerate(lines) if re.search(r"\| +(torch|lightning|scipy|trimesh)$", line)]
+    assert len(imported) >= 4
+    assert min(imported) > first, [lines[k] for k in imported if k < first]
 
 
 def read_all(descriptor: int) -> str:
@@ -341,6 +368,8 @@ def test_on_a_terminal_a_bar_shows_steps_loss_and_speed(tmp_path):
         text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", read_all(ours))
     os.close(ours)
     assert run.returncode == 0, text
+    for name in PHASES:
+        assert re.search(rf"^{name}(:.*)?$", text, re.MULTILINE), name
     found = re.findall(r"(\d+)/150\s+loss (\d+\.\d+)\s+(\d+\.\d) it/s\s+(\d+:\d\d:\d\d|-:--:--)", text)
     assert found, text
     assert any(left != "-:--:--" for *_, left in found), "time left"

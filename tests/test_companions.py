@@ -47,6 +47,9 @@ def test_any_change_is_measured_again(
     box_shape: Shape, tmp_path: Path, change: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     companions(judge(box_shape), box_shape, GRID, FRAME, tmp_path)
+    (kept,) = tmp_path.glob("*.json")
+    kept.write_text(json.dumps({"unit": {"cd_l1_floor": -1.0}}))  # to be known by
+    assert companions(judge(box_shape), box_shape, GRID, FRAME, tmp_path)["unit"]["cd_l1_floor"] == -1
     shape, grid, frame, points = box_shape, GRID, FRAME, 300
     if change == "labels":
         shape = replace(shape, mesh=replace(shape.mesh, labels=np.roll(shape.mesh.labels, 1)))
@@ -60,8 +63,9 @@ def test_any_change_is_measured_again(
         points = 301
     else:
         monkeypatch.setattr(module, "CODE", "0")
-    companions(judge(shape, points), shape, grid, frame, tmp_path)
-    assert len(list(tmp_path.glob("*.json"))) == 2
+    found = companions(judge(shape, points), shape, grid, frame, tmp_path)
+    assert found == companions(judge(shape, points), shape, grid, frame, None)
+    assert found["unit"]["cd_l1_floor"] > 0
 
 
 def test_ceiling_lies_on_the_shape_with_its_labels(box_shape: Shape, box_distance) -> None:

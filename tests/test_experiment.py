@@ -15,6 +15,7 @@ from PIL import Image
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from jointsdf import experiment
+from jointsdf.cloud import Cloud
 from jointsdf.field import JointField
 from jointsdf.losses.dirichlet import Dirichlet
 from jointsdf.shapes.builtin import BUILTINS
@@ -107,11 +108,20 @@ def test_the_mesh_files_agree():
 
 
 def test_the_field_answers_in_file_units():
-    field = JointField.load(finished() / "field.ckpt")
+    """Its zero is the mesh file's surface, and over a step in file units it changes by the step times its gradient."""
+    field = JointField.load(finished() / "field.ckpt").double()
     mesh = trimesh.load(finished() / "mesh.ply", process=False)
-    on_surface = field.query(torch.as_tensor(mesh.vertices)).sdf.abs()
-    inside = field.query(torch.as_tensor(mesh.vertices - 0.5 * np.ptp(mesh.vertices, axis=0))).sdf.abs()
-    assert on_surface.median() < 0.2 * inside.median()
+    vertices = torch.as_tensor(mesh.vertices)
+    found = field.query(vertices)
+    side = np.ptp(BUILTINS["part_01"]().vertices, axis=0).max()
+    step = 1e-5 * side * torch.nn.functional.normalize(torch.randn(vertices.shape, dtype=torch.float64), dim=1)
+    change = field.query(vertices + step).sdf - field.query(vertices - step).sdf
+    torch.testing.assert_close(change, 2 * (found.gradient * step).sum(1), rtol=1e-3, atol=1e-6 * side)
+    cell = 2.2 * field.normalisation.scale / 15
+    assert found.sdf.abs().median() < 0.1 * cell * found.gradient.norm(dim=1).median()
+    cloud = Cloud.of(BUILTINS["part_01"](), count=1000, seed=0)
+    assert field.normalisation.scale == pytest.approx(cloud.normalisation.scale, rel=1e-12)
+    np.testing.assert_allclose(field.normalisation.centre, cloud.normalisation.centre, rtol=1e-12)
 
 
 def test_tensorboard_shows_everything():

@@ -33,10 +33,12 @@ def test_sphere() -> None:
 @pytest.mark.parametrize("thickness", [0.02, 0.5])
 def test_a_plate_is_outside_on_both_sides_and_inside_only_where_it_is_thick(thickness: float) -> None:
     cloud = cloud_of(trimesh.creation.box((2, 2, thickness)))
-    signs = FreeSpace(cloud.points).sign(probes())
-    inside = np.abs(probes()[:, 2]) < thickness / 2 / cloud.normalisation.scale
-    assert ((signs < 0) <= inside).all()
-    assert (signs[(signs != 0) & ~inside] > 0).all()
+    space, points = FreeSpace(cloud.points), probes()
+    signs = space.sign(points)
+    height = np.abs(points[:, 2]) - thickness / 2 / cloud.normalisation.scale
+    assert ((signs < 0) <= (height < 0)).all()
+    assert (signs[(signs != 0) & (height >= 0)] > 0).all()
+    assert (signs[height > 2 * space.reach] == 1).all(), "above and below it is outside, and that is told"
     assert (signs < 0).any() == (thickness > 0.1)
 
 

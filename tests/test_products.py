@@ -170,7 +170,9 @@ def test_without_a_cache_folder_it_is_said(
 
 def test_a_checkpoints_choice_wins_on_its_own_machine(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert not cache.exists()
-    note = json.loads(json.dumps(noted(Products("onednn", "float32", "bfloat16"), SIZES)))
+    note = noted(Products("onednn", "float32", "bfloat16"), SIZES)
+    torch.save(note, cache.parent.parent / "note")
+    assert torch.load(cache.parent.parent / "note", weights_only=True) == note, "plain values"
     with mock.patch.object(module, "choose", return_value=(LOW, {})):
         chosen(AUTO, SIZES)
         assert chosen(AUTO, SIZES, note) == (Products("onednn", "float32", "bfloat16"), "of the checkpoint")

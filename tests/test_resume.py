@@ -8,7 +8,7 @@ import time
 
 import pytest
 import torch
-from command_line import PLACE, QUICK, ROOT, train
+from command_line import PLACE, QUICK, ROOT, finished, train
 
 from jointsdf import experiment
 from jointsdf.callbacks import Checkpoints
@@ -123,9 +123,19 @@ def test_resume_never_starts_over(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         stop_at(patch, 1, signal.SIGTERM)
         assert train(tmp_path).code == 143
+    steps = []
+    original = JointSDFModule.training_step
+
+    def counted(self, samples, batch_idx):
+        steps.append(self.global_step)
+        return original(self, samples, batch_idx)
+
+    monkeypatch.setattr(JointSDFModule, "training_step", counted)
     answer = train(tmp_path, "resume=never")
     assert answer.code == 0
     assert "going on" not in answer.text
+    assert steps == [0, 1, 2, 3]
+    assert_same_weights(weights(tmp_path), weights(finished().parents[len(PLACE.parts) - 1]))
 
 
 @pytest.mark.parametrize("hook", ["on_train_start", "on_train_end"])
@@ -141,6 +151,7 @@ def test_a_signal_before_the_first_and_after_the_last_step_is_not_lost(tmp_path,
         assert train(tmp_path).code == 143
     assert not list(tmp_path.rglob("result.json"))
     assert train(tmp_path).code == 0
+    assert_same_weights(weights(tmp_path), weights(finished().parents[len(PLACE.parts) - 1]))
 
 
 def test_the_second_signal_ends_the_run_at_once(tmp_path, monkeypatch):

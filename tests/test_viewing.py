@@ -153,8 +153,15 @@ def test_without_embreex_there_is_a_warning_and_a_blank(
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    assert render(box(by_side), width=320, height=90).shape == (90, 320, 3)
+    picture = render(box(by_side), width=320, height=90)
     assert "embreex is not installed" in caplog.text
+    monkeypatch.undo()
+    drawn = render(box(by_side), width=320, height=90)
+    assert (drawn != 255).any(axis=2).mean() > 0.05, "there is something to see"
+    shown = (picture != 255).any(axis=2)
+    assert shown.mean() < 0.15, "words alone"
+    assert np.ptp(picture[shown].astype(int), axis=1).max() < 16, "and no part's colour"
+    assert np.ptp(drawn.reshape(-1, 3).astype(int), axis=1).max() > 50
 
 
 def test_png_round_trip(tmp_path: Path) -> None:
