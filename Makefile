@@ -1,11 +1,12 @@
 # Everything a newcomer types. PYTHON: the interpreter that .venv is made with. ARGS: passed on to the command.
-# STUDY: a file in sweeps/.
+# STUDY: a file in sweeps/. JOBS: tests at once, of one thread each.
 NEW_ENOUGH := -c 'import sys; sys.exit(sys.version_info < (3, 11))'
 PYTHON ?= $(shell for p in python3.11 python3 python; do "$$p" $(NEW_ENOUGH) 2>/dev/null && command -v "$$p" && break; done)
 VENV ?= .venv
 TORCH ?= torch==2.13.0
 ARGS ?=
 STUDY ?= smoke
+JOBS ?= 2
 
 RUN := "$(VENV)/bin/python"
 STAMP := $(VENV)/.complete
@@ -57,7 +58,7 @@ bench: setup ## Ratios of step, extraction, overhead and time to quality, in abo
 	$(RUN) -m benchmarks $(ARGS)
 
 test: setup ## The whole test suite, slow tests included; ARGS="-m 'not slow'" leaves those out
-	$(RUN) -m pytest $(ARGS)
+	$(RUN) -m pytest -n $(JOBS) $(ARGS)
 
 test-slurm: setup ## The test of hydra/launcher=slurm, on a SLURM that it starts here; needs root and apt install slurm-wlm munge
 	$(RUN) -m pip install --quiet -c constraints.txt -e '.[slurm]'

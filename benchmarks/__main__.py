@@ -1,4 +1,4 @@
-"""`python -m benchmarks [step extraction measures overhead quality] [--write]`: a table of ratios, its summary last."""
+"""`python -m benchmarks [NAME ...] [--write]`: a table of ratios, its summary last. Names: see `BENCHMARKS`."""
 
 import argparse
 import csv
@@ -9,16 +9,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks import extraction, measures, overhead, quality, step
+from benchmarks import extraction, fit, limits, measures, overhead, quality, step
 from benchmarks.table import Row, table
+from jointsdf.products import machine_kind
 from jointsdf.provenance import provenance
 
 RESULTS = Path(__file__).with_name("results.csv")
 BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "step": step.rows,
+    "fit": fit.rows,
     "extraction": extraction.rows,
     "measures": measures.rows,
     "overhead": overhead.rows,
+    "limits": limits.rows,
     "quality": quality.rows,
 }
 
@@ -37,9 +40,10 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def write(path: Path, rows: Sequence[Row], command: str) -> None:
-    """Append rows with what made them: command, commit, machine, date."""
+    """Append rows with what made them: command, commit, machine, date and the machine's kind."""
     known = provenance(config_hash="")
     made = {"command": command, **{key: known[key] for key in ("commit", "dirty", "machine", "date")}}
+    made["kind"] = machine_kind()
     new = not path.exists()
     with path.open("a", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, [*asdict(rows[0]), "met", *made])

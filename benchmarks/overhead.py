@@ -10,13 +10,12 @@ import time
 from pathlib import Path
 
 import torch
-from torch.nn.utils import clip_grad_norm_
 
+from benchmarks.fit import one_step
 from benchmarks.scene import built, composed, measured, wanted
-from benchmarks.step import total
 from benchmarks.table import Row, machine
 from jointsdf.fitting import fit
-from jointsdf.module import merged_needs
+from jointsdf.threads import large_pieces
 
 TARGET = 0.05
 
@@ -28,7 +27,7 @@ def rows(steps: int = 100, repetitions: int = 3) -> list[Row]:
         steps: Timed on each side.
         repetitions: The medians are over so many.
     """
-    with machine(torch.get_num_threads(), "default"):  # the fit chooses, and leaves it so for the bare step
+    with machine(torch.get_num_threads(), "default"), large_pieces():
         taken = [(run_seconds(steps), bare_seconds(steps)) for _ in range(repetitions)]
     run, bare = (statistics.median(side) for side in zip(*taken, strict=True))
     name = "Lightning, sampling and logging, share of a step"
@@ -64,11 +63,5 @@ def bare_seconds(steps: int) -> float:
     for step in range(short + steps):
         if step == short:
             start = time.perf_counter()
-        weights = module.active_weights(step)
-        terms = {name: module.terms[name] for name in weights}
-        optimizer.zero_grad()
-        total(module.evaluate(samples[step], merged_needs(list(terms.values()))), terms, weights).backward()
-        for part in (module.field.trunk, module.field.head):
-            clip_grad_norm_(part.parameters(), module.clip)
-        optimizer.step()
+        one_step(module, optimizer, samples[step], step)
     return (time.perf_counter() - start) / steps

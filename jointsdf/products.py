@@ -25,7 +25,7 @@ from platformdirs import user_cache_path
 from torch import Tensor
 
 from jointsdf.optimizers import ITERATIONS, orthogonalised
-from jointsdf.provenance import cpu_model
+from jointsdf.provenance import cpu_model, cpu_vendor
 from jointsdf.results import write_atomically
 from jointsdf.threads import large_pieces, workers
 
@@ -206,6 +206,16 @@ def this_machine(sizes: Sizes) -> dict[str, Any]:
         "torch": str(torch.__version__),
         "sizes": [sizes.points, sizes.width, sizes.matrices],
     }
+
+
+def machine_kind() -> str:
+    """Vendor, instructions and cores, e.g. `AuthenticAMD, AVX512 with bfloat16, 2 cores`."""
+    instructions = torch.backends.cpu.get_cpu_capability()
+    if "ATEN_CPU_CAPABILITY" in os.environ:
+        instructions += " (imitated)"
+    elif not emulates_bfloat16(torch.cpu.get_capabilities()):
+        instructions += " with bfloat16"
+    return f"{cpu_vendor()}, {instructions}, {os.cpu_count()} cores"
 
 
 def kept_path(machine: Mapping[str, Any]) -> Path:

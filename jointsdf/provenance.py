@@ -64,9 +64,17 @@ def _version(distribution: str) -> str:
 
 def cpu_model() -> str:
     """The processor's name, as the system gives it."""
+    return _cpu_fact("model name") or platform.processor() or UNKNOWN
+
+
+def cpu_vendor() -> str:
+    """The processor's maker, as the system gives it."""
+    return _cpu_fact("vendor_id") or platform.machine()
+
+
+def _cpu_fact(name: str) -> str:
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or UNKNOWN
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")

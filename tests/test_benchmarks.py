@@ -1,16 +1,19 @@
 """The benchmarks at tiny sizes: both sides compute the same, and the table says so."""
 
 import csv
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from benchmarks import __main__ as command
-from benchmarks import extraction, measures, overhead, progress, quality, step
+from benchmarks import extraction, fit, limits, measures, overhead, progress, quality, step
 from benchmarks.scene import composed
 from benchmarks.table import Row, interleaved, table
 from jointsdf.experiment import run
+from jointsdf.optimizers import ITERATIONS, orthogonalised
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +49,25 @@ def test_a_row_of_every_step_and_a_summary(tmp_path: Path):
         written = list(csv.DictReader(file))
     assert len(written) == 16
     assert {row["command"] for row in written} == {"python -m benchmarks step"}
+    assert all(row["kind"].endswith(f"{os.cpu_count()} cores") and row["kind"].count(", ") == 2 for row in written)
+
+
+def test_the_fit_and_the_limits_give_rows_and_claim_nothing_of_smaller_ones(monkeypatch):
+    monkeypatch.setattr(fit, "smoke_seconds", lambda: (0.5, 9.0))
+    rows = fit.rows(steps=8, repetitions=1)
+    assert [row.unit for row in rows] == ["s"] * 5
+    assert all(row.ratio == pytest.approx(row.ours / row.theirs) and not row.at_least for row in rows)
+    rows += limits.rows(faces=400, runs=40)
+    assert {row.target for row in rows} == {None}
+    assert rows[5].against == "allowed CPU seconds"
+
+
+def test_without_its_polynomials_a_step_is_not_orthogonal_and_with_them_it_is():
+    """What the benchmark leaves out is the iteration, and nothing else."""
+    given = torch.randn(2, 24, 24, generator=torch.Generator().manual_seed(0))
+    left_out = orthogonalised(given, ())
+    torch.testing.assert_close(left_out, given / torch.linalg.matrix_norm(given, keepdim=True))
+    assert torch.linalg.svdvals(orthogonalised(given, ITERATIONS["five"]))[:, -2].min() > 0.3
 
 
 def test_extraction_and_overhead_give_rows():

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from time import process_time
 
 import numpy as np
 import pytest
@@ -322,11 +321,3 @@ def test_benchmark_table_names_every_catalogue_shape_once() -> None:
     assert min(counts) >= 2
     assert max(counts) == 18
     assert len(set(counts)) >= 10, "spread over the whole range"
-
-
-def test_forty_thousand_faces_in_three_seconds() -> None:
-    mesh = refined(refined(refined(uneven_part())))
-    assert len(mesh.faces) > 40_000
-    begin = process_time()
-    hierarchy(mesh, None)
-    assert process_time() - begin < 3.0

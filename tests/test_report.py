@@ -1,5 +1,4 @@
 import logging
-import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -165,14 +164,3 @@ def test_the_report_does_not_depend_on_unit_and_place() -> None:
     there = report_on(mesh, scale=1e3)
     assert there.wall == pytest.approx(1e3 * here.wall, rel=1e-3)
     assert (there.contacts, there.buried) == (here.contacts, here.buried)
-
-
-def test_forty_thousand_faces_are_quick() -> None:
-    mesh = trimesh.creation.torus(1.0, 0.3, major_sections=200, minor_sections=100)
-    assert len(mesh.faces) == 40_000
-    solid = LabelledMesh(np.array(mesh.vertices), np.array(mesh.faces), np.arange(40_000) % 9)
-    shape = Shape("torus", solid, "", "builtin", True)
-    mesh_report(shape, 1.0, 256)
-    began = time.process_time()
-    mesh_report(shape, 1.0, 256)
-    assert time.process_time() - began < 0.5

@@ -1,7 +1,6 @@
 import hashlib
 import logging
 import os
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -367,9 +366,7 @@ def test_real_shape_loads_with_the_catalogue_facts(name: str, caplog: pytest.Log
     root = os.environ["JOINTSDF_ABC"]
     if not abc.mesh_path(name, root).is_file():
         pytest.skip(f"{name} is not under JOINTSDF_ABC")
-    began = time.process_time()
     shape = load(name, abc_root=root, segmented=True)
-    assert time.process_time() - began < 3.0
     assert "sha256" not in caplog.text
     assert (shape.name, shape.mesh_sha256, shape.watertight) == (name, abc.catalogue()[name].sha256, True)
     assert signed_volume(shape) > 0
