@@ -9,6 +9,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from jointsdf.console import quiet_libraries, user_errors
 from jointsdf.errors import InputError
+from jointsdf.phases import phase
 
 log = logging.getLogger("jointsdf")
 failed: list[str] = []
@@ -18,9 +19,10 @@ failed: list[str] = []
 def evaluate(cfg: DictConfig) -> None:
     """Print every score as measured now, and as stored where it differs."""
     with user_errors(failed):
-        from jointsdf.experiment import measure_again
-
         quiet_libraries()
+        with phase("start", "torch and lightning"):
+            from jointsdf.experiment import measure_again
+        quiet_libraries()  # those that came with it as well
         if OmegaConf.is_missing(cfg, "run"):
             raise InputError("run= is missing; give a finished run's folder: run=outputs/fast/base/siren/part_01/seed0")
         row, scores = measure_again(Path(str(cfg.run)))

@@ -14,7 +14,7 @@ from numpy import ndarray
 from omegaconf import DictConfig
 
 from jointsdf import assembly, run_folder, run_state
-from jointsdf.board import extract, log_result
+from jointsdf.board import log_result
 from jointsdf.companions import companions
 from jointsdf.evaluation import GroundTruth, Scores
 from jointsdf.field import JointField
@@ -36,6 +36,7 @@ from jointsdf.viewing.render import compare, write_png
 log = logging.getLogger(__name__)
 
 KEPT = ".companions"  # below the outputs: floors and ceilings by shape and grid
+SURFACE, AGAINST_TRUTH = "the field's surface and its part labels", "distances and labels against the truth"
 SHOWN = {"evaluate": "measure", "picture": "draw"}  # stages whose name in a row is not the one that a user reads
 
 
@@ -97,11 +98,11 @@ def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
         with phase("fit", f"{cfg.trainer.max_steps} steps, recipe {cfg.recipe}, head {cfg.head.name}"):
             watch.seconds["fit"], machine = fit(module, data, folder, preview=preview, products=products, **how)
         save_field(module.field, folder / run_folder.FIELD)
-        with watch("extract", "the field's surface and its part labels"):
+        with watch("extract", SURFACE):
             measures, mesh = extracted(module.field, measures, settle=cfg.extraction.resolution == "auto")
             report = report.on_grid(measures.extraction.resolution)
             write_mesh(folder, mesh)
-        with watch("evaluate", "distances and labels against the truth"):
+        with watch("evaluate", AGAINST_TRUTH):
             kept = Path(cfg.paths.outputs, KEPT)
             scores = measure(measures, shape, mesh, data.cloud.normalisation, kept)
         with watch("picture", "preview.png and TensorBoard"):
@@ -250,12 +251,16 @@ def measure_again(folder: Path) -> tuple[ResultRow, Scores]:
     Raises:
         InputError: Not a finished run's folder, or its ground truth is no longer there.
     """
-    cfg, shape = assembly.stored_truth(folder)
-    row = run_folder.stored_row(folder)
+    with phase("load", str(folder)):
+        cfg, shape = assembly.stored_truth(folder)
+        row = run_folder.stored_row(folder)
     use_matmul(str(row.provenance.get("matmul", "default")))  # the last bits of the field depend on it
     field = JointField.load(folder / run_folder.FIELD)
     resolution = row.provenance["resolution"]
     assert isinstance(resolution, int), "a row without its grid"
     with assembly.settings_errors(f"{folder / run_folder.CONFIG} is damaged"):
         measures = assembly.measures(cfg, resolution)
-    return row, measure(measures, shape, extract(field, measures.extraction), field.normalisation, None)
+    with phase("extract", SURFACE):
+        _, mesh = extracted(field, measures, settle=False)
+    with phase("measure", AGAINST_TRUTH):
+        return row, measure(measures, shape, mesh, field.normalisation, None)
