@@ -1,5 +1,6 @@
 """Sweeps that survive: what is finished is left alone, what fails costs itself only, and the end says how all stand."""
 
+import csv
 import fcntl
 import json
 import os
@@ -15,10 +16,12 @@ from pathlib import Path
 import pytest
 import yaml
 from command_line import PLACE, QUICK, ROOT, Answer, call, finished, train
+from omegaconf import OmegaConf
 
 from jointsdf import assembly, run_state, sweep
 from jointsdf.heads.relu import ReluHead
 from jointsdf.module import JointSDFModule
+from jointsdf.results import config_hash
 from jointsdf.study.__main__ import main as study
 
 pytestmark = pytest.mark.filterwarnings("default")
@@ -102,6 +105,23 @@ def test_a_stored_sweep_makes_the_runs_that_it_says(tmp_path, composed, name) ->
     wanted = [assembly.folder_of(cfg) for cfg in composed]
     assert run_state.planned(tmp_path / name) == wanted
     assert len(set(wanted)) == count, "every run has a folder of its own"
+
+
+@pytest.mark.parametrize("name", [name for name in SWEEPS if (ROOT / "results" / name / "runs.csv").is_file()])
+def test_the_committed_rows_are_of_the_runs_that_the_sweep_makes(tmp_path, composed, name) -> None:
+    """What decides their numbers, shape and seed apart, is the same, so that no clone makes them again."""
+    with (ROOT / "results" / name / "runs.csv").open(newline="") as file:
+        made = {(row["variant"], row["head"]): row["settings_hash"] for row in csv.DictReader(file)}
+    shape = swept(name, "shape")[0]
+    call("train.py", f"sweeps={name}", f"shape={shape}", f"paths.outputs={tmp_path}", "paths.abc_root=/data")
+    wanted = {}
+    for cfg in composed:
+        assembly.checked(cfg)
+        settings = OmegaConf.to_container(cfg, resolve=True)
+        wanted[cfg.variant, cfg.head.name] = config_hash(assembly.shared_settings(settings))
+    shared = wanted.keys() & made.keys()
+    assert shared
+    assert {key: wanted[key] for key in shared} == {key: made[key] for key in shared}
 
 
 def test_the_borders_of_the_recipe_are_one_side_of_the_comparison(tmp_path, composed) -> None:
