@@ -20,7 +20,7 @@ from jointsdf.callbacks import Checkpoints, Progress, stored
 from jointsdf.errors import InputError
 from jointsdf.field import JointField
 from jointsdf.module import JointSDFModule
-from jointsdf.products import Products, noted, used
+from jointsdf.products import Products, machine_kind, noted, used
 from jointsdf.run_folder import BOARD, CHECKPOINT
 from jointsdf.run_state import report
 from jointsdf.threads import workers
@@ -81,7 +81,11 @@ def fit(
         raise
     device = torch.cuda.get_device_name(module.device) if module.device.type == "cuda" else module.device.type
     module.to("cpu").eval()
-    return checkpoints.seconds_trained, asdict(module.products) | {"threads": threads, "device": device}
+    return checkpoints.seconds_trained, asdict(module.products) | {
+        "threads": threads,
+        "device": device,
+        "kind": machine_kind(),
+    }
 
 
 class StatusFile(Callback):

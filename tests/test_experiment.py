@@ -70,7 +70,8 @@ def test_the_row_says_everything():
 
 def test_the_row_says_where_it_comes_from():
     provenance = row_of(finished())["provenance"]
-    named = {"commit", "config_hash", "versions", "device", "mesh_sha256", "label_provider", "resolution", "date"}
+    named = {"matmul", "backward", "orthogonalisation", "threads", "kind"}
+    named |= {"commit", "config_hash", "versions", "device", "mesh_sha256", "label_provider", "resolution", "date"}
     assert named <= provenance.keys()
     assert (provenance["device"], provenance["label_provider"], provenance["resolution"]) == ("cpu", "builtin", 16)
     assert provenance["versions"]["torch"] == torch.__version__
