@@ -125,13 +125,14 @@ def chosen(wanted: Products, sizes: Sizes, stored: Mapping[str, Any] | None = No
         stored: From a checkpoint, as `noted` made it.
     """
     machine = this_machine(sizes)
-    if stored is not None and stored["machine"] == machine:
-        return _filled(wanted, Products(**stored["products"])), "of the checkpoint"
+    if stored is not None and stored.get("machine") == machine and (before := _products(stored)) is not None:
+        return _filled(wanted, before), "of the checkpoint"
     path = kept_path(machine)
     if (kept := _read(path)) is not None:
         return _filled(wanted, kept), f"as measured before: {path}"
+    capabilities = {} if sizes.device.type == "cuda" else torch.cpu.get_capabilities()
     with large_pieces():  # as in the fit
-        found, trials = choose(torch.cpu.get_capabilities(), _timed(sizes))
+        found, trials = choose(capabilities, _timed(sizes))
     _keep(path, machine, found, trials)
     return _filled(wanted, found), "measured now"
 
@@ -294,8 +295,16 @@ def _filled(wanted: Products, found: Products) -> Products:
 def _read(path: Path) -> Products | None:
     """The choice that the file keeps; None where there is none or it is damaged."""
     try:
-        products = Products(**json.loads(path.read_text(encoding="utf-8"))["products"])
-    except (OSError, ValueError, KeyError, TypeError):
+        return _products(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError):
+        return None
+
+
+def _products(content: Any) -> Products | None:
+    """The choice in a file or checkpoint; None where it is not one."""
+    try:
+        products = Products(**content["products"])
+    except (KeyError, TypeError):
         return None
     return products if all(value in CHOICES[key] for key, value in asdict(products).items()) else None
 

@@ -177,6 +177,8 @@ def test_a_checkpoints_choice_wins_on_its_own_machine(cache: Path, monkeypatch: 
         chosen(AUTO, SIZES)
         assert chosen(AUTO, SIZES, note) == (Products("onednn", "float32", "bfloat16"), "of the checkpoint")
         assert chosen(replace(AUTO, matmul="default"), SIZES, note)[0].matmul == "default", "but not over a word"
+        for odd in ({}, {"machine": note["machine"]}, note | {"products": {"matmul": "magic"}}, note | {"products": 3}):
+            assert chosen(AUTO, SIZES, odd)[1].startswith("as measured before"), odd
         monkeypatch.setattr(module, "cpu_model", lambda: "another")
         assert chosen(AUTO, SIZES, note) == (LOW, "measured now")
 
