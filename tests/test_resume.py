@@ -1,5 +1,6 @@
 """A run that is stopped, in any way and at any moment, goes on to the same weights by the same command."""
 
+import json
 import os
 import signal
 import subprocess
@@ -136,6 +137,37 @@ def test_resume_never_starts_over(tmp_path, monkeypatch):
     assert "going on" not in answer.text
     assert steps == [0, 1, 2, 3]
     assert_same_weights(weights(tmp_path), weights(finished().parents[len(PLACE.parts) - 1]))
+
+
+def test_a_checkpoint_of_torchs_muon_is_refused_by_name(tmp_path, monkeypatch):
+    """Which the optimizer was, in version 0.1.0."""
+    with monkeypatch.context() as patch:
+        stop_at(patch, 1, signal.SIGTERM)
+        assert train(tmp_path).code == 143
+    (path,) = tmp_path.rglob("last.ckpt")
+    stored = checkpoint(tmp_path)
+    (state,) = stored["optimizer_states"]
+    stored["optimizer_states"] = [{"muon": state["hidden"], "adam": state["rest"]}]
+    torch.save(stored, path)
+    answer = train(tmp_path)
+    assert answer.code == 2, answer.text
+    assert answer.lines[-1].startswith("error: the checkpoint holds the state of torch.optim.Muon")
+    assert "Traceback" not in answer.text
+    assert train(tmp_path, "resume=never").code == 0
+    assert_same_weights(weights(tmp_path), weights(finished().parents[len(PLACE.parts) - 1]))
+
+
+def test_a_checkpoints_choice_of_products_goes_on(tmp_path, monkeypatch):
+    """Whatever is measured or kept meanwhile."""
+    with monkeypatch.context() as patch:
+        stop_at(patch, 1, signal.SIGTERM)
+        assert train(tmp_path, "trainer.orthogonalisation=bfloat16").code == 143
+    assert checkpoint(tmp_path)["callbacks"]["Checkpoints"]["products"]["products"]["orthogonalisation"] == "bfloat16"
+    answer = train(tmp_path)
+    assert answer.code == 0
+    assert "orthogonalisation in bfloat16 (of the checkpoint)" in answer.text
+    (row,) = tmp_path.rglob("result.json")
+    assert json.loads(row.read_text())["provenance"]["orthogonalisation"] == "bfloat16"
 
 
 @pytest.mark.parametrize("hook", ["on_train_start", "on_train_end"])
