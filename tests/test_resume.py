@@ -47,6 +47,18 @@ def stop_at(monkeypatch, step, number):
     monkeypatch.setattr(JointSDFModule, "training_step", training_step)
 
 
+def counted(monkeypatch):
+    """The steps that are trained from here on."""
+    steps, original = [], JointSDFModule.training_step
+
+    def training_step(self, samples, batch_idx):
+        steps.append(self.global_step)
+        return original(self, samples, batch_idx)
+
+    monkeypatch.setattr(JointSDFModule, "training_step", training_step)
+    return steps
+
+
 @pytest.mark.parametrize(
     ("number", "overrides"),
     [
@@ -69,14 +81,7 @@ def test_ten_steps_are_five_and_five_more(tmp_path, monkeypatch, number, overrid
     assert checkpoint(halves)["global_step"] == 5
     assert not list(halves.rglob("result.json"))
 
-    steps = []
-    original = JointSDFModule.training_step
-
-    def counted(self, samples, batch_idx):
-        steps.append(self.global_step)
-        return original(self, samples, batch_idx)
-
-    monkeypatch.setattr(JointSDFModule, "training_step", counted)
+    steps = counted(monkeypatch)
     resumed = train(halves, *TEN, *overrides)
     assert resumed.code == 0, resumed.text
     assert "going on from step 5 of 10" in resumed.lines
@@ -124,14 +129,7 @@ def test_resume_never_starts_over(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         stop_at(patch, 1, signal.SIGTERM)
         assert train(tmp_path).code == 143
-    steps = []
-    original = JointSDFModule.training_step
-
-    def counted(self, samples, batch_idx):
-        steps.append(self.global_step)
-        return original(self, samples, batch_idx)
-
-    monkeypatch.setattr(JointSDFModule, "training_step", counted)
+    steps = counted(monkeypatch)
     answer = train(tmp_path, "resume=never")
     assert answer.code == 0
     assert "going on" not in answer.text
