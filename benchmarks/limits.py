@@ -23,26 +23,29 @@ from jointsdf.values import LabelledMesh, Shape
 FACES, RUNS = 40_000, 1000
 
 
-def rows(faces: int = FACES, runs: int = RUNS) -> list[Row]:
+def rows(faces: int = FACES, runs: int = RUNS, most: int = 50) -> list[Row]:
     """CPU seconds beside what is allowed.
 
     Args:
         faces: Of the mesh that is labelled and reported on.
         runs: That are put into tables.
+        most: Shapes of each catalogue.
     """
     solid = torus(faces)
     shape = Shape("torus", solid, "", "builtin", True)
-    real = [name for name in abc.catalogue() if abc.mesh_path(name, os.environ.get("JOINTSDF_ABC", "")).is_file()]
-    whole = faces >= FACES and runs >= RUNS
+    root = os.environ.get("JOINTSDF_ABC", "")
+    real = [name for name in abc.catalogue() if root and abc.mesh_path(name, root).is_file()][:most]
+    parts = list(BUILTINS)[:most]
+    whole = faces >= FACES and runs >= RUNS and most >= len(BUILTINS)
     cases: list[tuple[str, float, Callable[[], object]]] = [
-        ("the 50 built-in parts", 10.0, lambda: [load(name, abc_root="") for name in BUILTINS]),
+        (f"{len(parts)} built-in parts", 10.0, lambda: [load(name, abc_root="") for name in parts]),
         (f"geometric labels of {faces} faces", 3.0, lambda: hierarchy(solid, None)),
         (f"the report on {faces} faces", 0.5, lambda: mesh_report(shape, 1.0, 256)),
         (f"tables of {runs} runs", 10.0, lambda: tables(runs)),
     ]
     found = [allowed(*case) for case in cases]
     if real:
-        slowest = max(cpu_seconds(lambda name=name: load(name, abc_root=os.environ["JOINTSDF_ABC"])) for name in real)
+        slowest = max(cpu_seconds(lambda name=name: load(name, abc_root=root)) for name in real)
         found.append(row(f"the slowest of {len(real)} ABC shapes to load", 3.0, slowest))
     return found if whole else [replace(item, target=None) for item in found]
 

@@ -66,11 +66,16 @@ class Muon(Optimizer):
         momentum: Share of the running mean of the gradients that stays at each step.
         iterations: Name in `ITERATIONS`.
 
+    Raises:
+        InputError: Momentum out of range, or iterations of an unknown name.
+
     Attributes:
         dtype: Precision of the iteration's matrix products; None: that of the matrices.
     """
 
     def __init__(self, params: Iterable[Any], *, lr: float, momentum: float = 0.95, iterations: str = "five") -> None:
+        if not 0 <= momentum < 1:
+            raise InputError(f"optimizer.momentum={momentum}: give a number from 0 to below 1")
         if iterations not in ITERATIONS:
             raise InputError(f"optimizer.iterations={iterations}: accepted are {', '.join(ITERATIONS)}")
         self.dtype: torch.dtype | None = None

@@ -15,6 +15,9 @@ from benchmarks.table import Row, interleaved, table
 from jointsdf.experiment import run
 from jointsdf.optimizers import ITERATIONS, orthogonalised
 
+SMALL = ("data.pool_size=2000", "data.cloud_size=2000", "data.border_points=2000", "extraction.resolution=24")
+COUNTS = [f"data.counts.{name}=50" for name in ("manifold", "non_manifold", "shell", "pool")]
+
 
 @pytest.fixture(scope="module")
 def prepared():
@@ -54,10 +57,10 @@ def test_a_row_of_every_step_and_a_summary(tmp_path: Path):
 
 def test_the_fit_and_the_limits_give_rows_and_claim_nothing_of_smaller_ones(monkeypatch):
     monkeypatch.setattr(fit, "smoke_seconds", lambda: (0.5, 9.0))
-    rows = fit.rows(steps=8, repetitions=1)
+    rows = fit.rows(steps=8, repetitions=1, overrides=(*SMALL, *COUNTS))
     assert [row.unit for row in rows] == ["s"] * 5
     assert all(row.ratio == pytest.approx(row.ours / row.theirs) and not row.at_least for row in rows)
-    rows += limits.rows(faces=400, runs=40)
+    rows += limits.rows(faces=400, runs=40, most=2)
     assert {row.target for row in rows} == {None}
     assert rows[5].against == "allowed CPU seconds"
 
@@ -82,10 +85,6 @@ def test_measures_are_the_same_together_and_alone():
     assert together.ours == allowed.ours
     assert together.ratio == pytest.approx(together.theirs / together.ours)
     assert together.target is allowed.target is None
-
-
-SMALL = ("data.pool_size=2000", "data.cloud_size=2000", "data.border_points=2000", "extraction.resolution=24")
-COUNTS = [f"data.counts.{name}=50" for name in ("manifold", "non_manifold", "shell", "pool")]
 
 
 def test_progress_is_what_the_previews_measured(tmp_path: Path):
