@@ -1,6 +1,5 @@
 """Fit, extract and measure: `python train.py head=siren shape=abc_0001`; many at once with `-m` or `sweeps=main`."""
 
-import os
 import sys
 import warnings
 
@@ -12,8 +11,6 @@ from omegaconf import DictConfig
 from jointsdf import sweep
 from jointsdf.console import quiet_libraries, user_errors
 from jointsdf.phases import phase
-
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # read when torch loads: waiting threads leave busy cores to others
 
 failed: list[str] = []
 warnings.filterwarnings("ignore", r"\s*'hydra/launcher/ray' is validated")  # by the plugin's schema: as it should

@@ -125,7 +125,7 @@ def orthogonalised(
             part = torch.baddbmm(part, torch.baddbmm(gram, gram, gram, beta=b, alpha=c), part, beta=a)
         return part
 
-    shares = 1 if x.is_cuda else min(len(x), workers())
+    shares = 1 if x.is_cuda else max(1, min(len(x), workers()))
     found = torch.cat(over_threads(iterated, x.tensor_split(shares))).to(matrices.dtype)
     return found.mT if tall else found
 

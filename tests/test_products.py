@@ -118,6 +118,11 @@ def test_the_timings_of_this_machine_are_of_products_that_are_what_they_say() ->
         assert min(found.ratios) > 0
 
 
+def test_a_trunk_without_hidden_matrices_has_nothing_to_turn() -> None:
+    trial = module._timed(replace(SIZES, matrices=0))("orthogonalisation", Products())
+    assert not trial.passed(2e-2)
+
+
 def test_a_choice_is_kept_for_its_machine_and_not_measured_again(cache: Path) -> None:
     with mock.patch.object(module, "choose", return_value=(LOW, {"backward": Trial(1e-3, FAST)})):
         assert chosen(AUTO, SIZES) == (LOW, "measured now")
