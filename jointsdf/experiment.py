@@ -113,8 +113,9 @@ def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
         (folder / run_folder.CHECKPOINT).unlink(missing_ok=True)
         run_state.end(folder)
     log.info(summary(row, cfg.evaluation.primary, folder))
+    if said := in_words(row, measures.protocols, shape.mesh, mesh):
+        log.info(said)
     if not mesh.is_empty:
-        log.info(in_words(row, cfg.evaluation.primary, shape.mesh, mesh))
         log.info(files_to_open(folder))
     return row
 

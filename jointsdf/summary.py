@@ -1,12 +1,15 @@
 """What a finished run says of itself: its numbers in one line, how good it is in words, and which files to open."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import trimesh
 
-from jointsdf.evaluation import bounding_frame
+from jointsdf.evaluation import Protocol, bounding_frame
 from jointsdf.results import ResultRow
 from jointsdf.values import LabelledMesh
+
+QUOTED = {"surface_p99", "parts_pred", "parts_gt", "components", "components_gt"}
 
 
 def summary(row: ResultRow, protocol: str, folder: Path) -> str:
@@ -23,15 +26,18 @@ def summary(row: ResultRow, protocol: str, folder: Path) -> str:
     )
 
 
-def in_words(row: ResultRow, protocol: str, truth: LabelledMesh, mesh: LabelledMesh) -> str:
-    """How good the fit is, for people.
+def in_words(row: ResultRow, protocols: Mapping[str, Protocol], truth: LabelledMesh, mesh: LabelledMesh) -> str:
+    """How good the fit is, for people; empty where the run has no surface or did not measure it.
 
     Args:
         row: The run's.
-        protocol: Whose scores are taken; one whose frame is the ground truth's.
+        protocols: How it was measured; the first whose frame is the ground truth's is quoted.
         truth: Ground truth, file frame.
         mesh: The run's, file frame.
     """
+    protocol = next((name for name, how in protocols.items() if how.frame == "truth"), None)
+    if protocol is None or mesh.is_empty or not row.scores[protocol].keys() >= QUOTED:
+        return ""
     scores, side = row.scores[protocol], bounding_frame(truth).scale
     p99 = scores["surface_p99"]
     said = [f"99% of the surface is within {p99 * side:.2g} of the part (file units; {p99:.2%} of its longest side)"]
