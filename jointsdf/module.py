@@ -19,6 +19,7 @@ from jointsdf.errors import InputError
 from jointsdf.field import JointField
 from jointsdf.losses import Needs, Term
 from jointsdf.losses.schedule import Schedule
+from jointsdf.module_pass import in_pieces
 from jointsdf.optimizers import Group, MuonAdam, parameter_groups
 from jointsdf.products import Products, Sizes
 from jointsdf.sine_pass import Evaluation, evaluate
@@ -142,8 +143,13 @@ class JointSDFModule(LightningModule):
             assert found.grad is not None
             u, v = tangent_frame(normalize(found.grad.detach(), dim=-1), angles)
             mixed = mixed_stencil(lambda at: self._pass(at).sdf, points, u, v, how.spacing)
-        logits = None if found.feature is None else self.field.head(torch.cat([found.feature, points], -1))
+        logits = None if found.feature is None else self._logits(torch.cat([found.feature, points], -1))
         return FieldValues(found.sdf, found.grad, mixed, logits)
+
+    def _logits(self, features: Float[Tensor, "n i"]) -> Float[Tensor, "n k"]:
+        head = self.field.head
+        logits: Tensor = head(features) if self.drops and head.training else in_pieces(head, features)
+        return logits
 
     def _pass(self, points: Float[Tensor, "n 3"], **wanted: Any) -> Evaluation:
         trunk = self.field.trunk

@@ -1,0 +1,48 @@
+"""A module applied to points in large pieces, forward and backward, each piece by one thread."""
+
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from jointsdf.threads import over_threads, pieces
+
+
+def in_pieces(module: nn.Module, inputs: Float[Tensor, "n i"]) -> Float[Tensor, "n o"]:
+    """`module(inputs)` for a module that treats each row by itself, differentiable once.
+
+    Args:
+        module: Draws no random numbers, which threads would draw in any order.
+        inputs: A row for each point.
+    """
+    parameters = list(module.parameters())
+    if pieces(inputs) == 1 or not parameters:
+        plain: Tensor = module(inputs)
+        return plain
+    together: Tensor = _InPieces.apply(module, inputs, *parameters)  # type: ignore[no-untyped-call]
+    return together
+
+
+class _InPieces(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, module: nn.Module, inputs: Tensor, *parameters: Tensor) -> Tensor:
+        def ahead(piece: Tensor) -> tuple[Tensor, Tensor]:
+            with torch.enable_grad():
+                piece = piece.detach().requires_grad_()
+                return piece, module(piece)
+
+        ctx.graphs, ctx.parameters = over_threads(ahead, inputs.tensor_split(pieces(inputs))), parameters
+        return torch.cat([outputs.detach() for _, outputs in ctx.graphs])
+
+    @staticmethod
+    def backward(ctx: Any, outputs_bar: Tensor) -> tuple[Tensor | None, ...]:
+        bars = outputs_bar.split([len(outputs) for _, outputs in ctx.graphs])
+
+        def back(graph: tuple[tuple[Tensor, Tensor], Tensor]) -> tuple[Tensor, ...]:
+            (piece, outputs), bar = graph
+            return torch.autograd.grad(outputs, [piece, *ctx.parameters], bar)
+
+        inputs_bars, *shares = zip(*over_threads(back, zip(ctx.graphs, bars, strict=True)), strict=True)
+        del ctx.graphs
+        return None, torch.cat(inputs_bars), *(torch.stack(share).sum(0) for share in shares)
