@@ -54,7 +54,7 @@ report: figures ## All tables and figures in one document, outputs/tables/report
 abc: setup ## The catalogue's ABC shapes into data/abc, from a download or ARGS="--from DIR"; ARGS=--help tells more
 	$(RUN) -m jointsdf.shapes.abc prepare $(ARGS)
 
-bench: setup ## Ratios of step, extraction, overhead and time to quality, in about 20 minutes; ARGS=--write keeps them
+bench: setup ## Ratios of step, fit, extraction, overhead and time to quality, in about 25 minutes; ARGS=--write keeps them
 	$(RUN) -m benchmarks $(ARGS)
 
 test: setup ## The whole test suite, slow tests included; ARGS="-m 'not slow'" leaves those out
