@@ -95,16 +95,24 @@ def test_points_on_a_line_or_on_one_another_have_no_normal(kind: str) -> None:
         points = np.repeat(cloud_of(trimesh.creation.icosphere(3, 0.7), 400).points, 17, axis=0)
     surfels = Surfels(points)
     assert not surfels.normals.any()
+    if kind == "rod":
+        distances, told = surfels.signed(near_points(cloud_of(trimesh.creation.icosphere(3, 0.7), 400), 0.1))
+        assert (distances[told] > 0).all(), "nothing is inside a line"
+        assert told.mean() > 0.5
     assert np.isfinite(surfels.signed(near_points(cloud_of(trimesh.creation.icosphere(3, 0.7), 400), 0.1))[0]).all()
 
 
 @pytest.mark.parametrize("count", [2, 3, 5, 12, 17, 25])
-def test_a_few_points_are_no_error(count: int) -> None:
+def test_a_few_points_tell_nothing(count: int) -> None:
+    """They leave every side in doubt, so there is no normal, no distance, and no error."""
     points = cloud_of(trimesh.creation.icosphere(3, 0.7), count).points
     surfels = Surfels(points)
     distances, told = surfels.signed(np.zeros((0, 3)))
     assert distances.shape == told.shape == (0,)
-    assert np.isfinite(surfels.signed(stream(4, 0).uniform(-1, 1, (500, 3)))[0]).all()
+    assert not surfels.normals.any()
+    distances, told = surfels.signed(stream(4, 0).uniform(-1, 1, (500, 3)))
+    assert not told.any()
+    assert not distances.any()
 
 
 def test_a_run_knows_of_the_cloud_what_its_points_tell(box_shape: Shape) -> None:
