@@ -16,9 +16,10 @@ from pathlib import Path
 import torch
 from torch.nn.utils import clip_grad_norm_
 
-from benchmarks.scene import built, composed, measured, wanted
+from benchmarks.scene import built, composed, measured
 from benchmarks.step import total
 from benchmarks.table import Row, machine
+from jointsdf import assembly
 from jointsdf.fitting import fit
 from jointsdf.machine import keep_freed_memory
 from jointsdf.module import JointSDFModule, merged_needs
@@ -102,7 +103,7 @@ def fit_seconds(steps: int, overrides: Sequence[str]) -> float:
     _, data, module = built(cfg)
     how = {"accelerator": "cpu", "checkpoint_seconds": 20.0, "log_every": cfg.trainer.log_every}
     with tempfile.TemporaryDirectory() as folder:
-        return fit(module, data, Path(folder), preview=None, products=wanted(cfg), **how)[0]
+        return fit(module, data, Path(folder), preview=None, products=assembly.products(cfg), **how)[0]
 
 
 def beside_a_busy_process(steps: int, repetitions: int, threads: int, overrides: Sequence[str]) -> tuple[float, float]:

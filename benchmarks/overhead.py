@@ -12,8 +12,9 @@ from pathlib import Path
 import torch
 
 from benchmarks.fit import one_step
-from benchmarks.scene import built, composed, measured, wanted
+from benchmarks.scene import built, composed, measured
 from benchmarks.table import Row, machine
+from jointsdf import assembly
 from jointsdf.fitting import fit
 from jointsdf.threads import large_pieces
 
@@ -46,7 +47,7 @@ def _fit_seconds(steps: int) -> float:
     how = {"accelerator": "cpu", "checkpoint_seconds": 1e9, "log_every": cfg.trainer.log_every}
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
-        fit(module, data, Path(folder), preview=None, products=wanted(cfg), **how)
+        fit(module, data, Path(folder), preview=None, products=assembly.products(cfg), **how)
         return time.perf_counter() - start
 
 

@@ -12,7 +12,7 @@ from jointsdf import assembly
 from jointsdf.data import ShapeDataModule
 from jointsdf.fitting import fit
 from jointsdf.module import JointSDFModule
-from jointsdf.products import CHOICES, Products, chosen
+from jointsdf.products import Products, chosen
 from jointsdf.threads import large_pieces
 from jointsdf.values import LabelledMesh, Shape
 
@@ -48,15 +48,10 @@ def fitted(cfg: DictConfig, mesh: LabelledMesh | None = None) -> tuple[Shape, Jo
     shape, data, module = built(cfg, mesh)
     with tempfile.TemporaryDirectory() as folder:
         how = {"accelerator": "cpu", "checkpoint_seconds": 1e9, "log_every": cfg.trainer.log_every}
-        fit(module, data, Path(folder), preview=None, products=wanted(cfg), **how)
+        fit(module, data, Path(folder), preview=None, products=assembly.products(cfg), **how)
     return shape, module
 
 
-def wanted(cfg: DictConfig) -> Products:
-    """How a run's matrices shall be multiplied."""
-    return Products(**{key: cfg.trainer[key] for key in CHOICES})
-
-
 def measured(cfg: DictConfig, module: JointSDFModule) -> Products:
-    """How they are, on this machine."""
-    return chosen(wanted(cfg), module.sizes)[0]
+    """How a run's matrices are multiplied on this machine."""
+    return chosen(assembly.products(cfg), module.sizes)[0]

@@ -24,6 +24,7 @@ from jointsdf.evaluation import Protocol
 from jointsdf.extraction import Extraction
 from jointsdf.field import JointField
 from jointsdf.module import JointSDFModule
+from jointsdf.products import CHOICES, Products
 from jointsdf.sampling import Counts
 from jointsdf.shapes.report import LADDER
 from jointsdf.surfaces import relative_area
@@ -216,6 +217,11 @@ def _module(cfg: DictConfig, data: ShapeDataModule, rate: float) -> JointSDFModu
         trunk_rate=rate,
         **{key: cfg.trainer[key] for key in ("max_steps", "head_lr", "clip", "cosine", "warmup", "log_every")},
     )
+
+
+def products(cfg: DictConfig) -> Products:
+    """How the run's matrices shall be multiplied."""
+    return Products(**{key: cfg.trainer[key] for key in CHOICES})
 
 
 def preview(cfg: DictConfig, shape: Shape, measures: Measures) -> Callable[[SummaryWriter], Preview] | None:

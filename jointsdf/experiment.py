@@ -21,7 +21,7 @@ from jointsdf.field import JointField
 from jointsdf.fitting import board_of, fit, save_field
 from jointsdf.machine import keep_freed_memory, peak_memory_mb, reset_peak_memory
 from jointsdf.phases import phase, tell
-from jointsdf.products import CHOICES, Products, use_matmul
+from jointsdf.products import use_matmul
 from jointsdf.provenance import code_state, provenance
 from jointsdf.results import ResultRow, config_hash, write_row
 from jointsdf.reuse import known_row
@@ -94,7 +94,7 @@ def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
         log.info("%s", folder)
         preview = assembly.preview(cfg, shape, measures)
         how = {key: cfg.trainer[key] for key in ("accelerator", "checkpoint_seconds", "log_every")}
-        products = Products(**{key: cfg.trainer[key] for key in CHOICES})
+        products = assembly.products(cfg)
         with phase("fit", f"{cfg.trainer.max_steps} steps, recipe {cfg.recipe}, head {cfg.head.name}"):
             watch.seconds["fit"], machine = fit(module, data, folder, preview=preview, products=products, **how)
         save_field(module.field, folder / run_folder.FIELD)

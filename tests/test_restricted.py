@@ -21,7 +21,8 @@ from pathlib import Path
 import torch
 from torch._C._profiler import _ExperimentalConfig
 from torch.profiler import ProfilerActivity, profile
-from benchmarks.scene import built, composed, wanted
+from benchmarks.scene import built, composed
+from jointsdf.assembly import products
 from jointsdf.fitting import fit
 from jointsdf.threads import large_pieces
 
@@ -31,9 +32,9 @@ _, data, module = built(cfg)
 how = {"accelerator": "cpu", "checkpoint_seconds": 1e9, "log_every": 10}
 everything = _ExperimentalConfig(profile_all_threads=True)
 with tempfile.TemporaryDirectory() as folder, large_pieces():
-    fit(module, data, Path(folder) / "warm", preview=None, products=wanted(cfg), **how)  # and choose
+    fit(module, data, Path(folder) / "warm", preview=None, products=products(cfg), **how)  # and choose
     with profile(activities=[ProfilerActivity.CPU], record_shapes=True, experimental_config=everything) as seen:
-        _, facts = fit(module, data, Path(folder) / "seen", preview=None, products=wanted(cfg), **how)
+        _, facts = fit(module, data, Path(folder) / "seen", preview=None, products=products(cfg), **how)
 seen.export_chrome_trace(sys.argv[1])
 print(torch.backends.cpu.get_cpu_capability(), facts["backward"], facts["orthogonalisation"])
 """
