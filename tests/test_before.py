@@ -89,7 +89,7 @@ def test_a_finished_run_measures_as_it_did(tmp_path) -> None:
         assert found == pytest.approx(row.scores[protocol], rel=1e-3, nan_ok=True)
 
 
-def test_a_stopped_run_goes_on(tmp_path, caplog) -> None:
+def test_a_stopped_run_goes_on(tmp_path) -> None:
     folder = placed(tmp_path, "stopped", "half")
     answer = again(tmp_path, "variant=half")
     assert answer.code == 0, answer.text
