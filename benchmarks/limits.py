@@ -11,12 +11,12 @@ import numpy as np
 import trimesh
 
 from benchmarks.table import Row
-from jointsdf.results import ResultRow
+from jointsdf.runs.csv import read_committed
+from jointsdf.runs.row import ResultRow
 from jointsdf.shapes import abc, load
 from jointsdf.shapes.builtin import BUILTINS
 from jointsdf.shapes.geometric import hierarchy
 from jointsdf.shapes.report import mesh_report
-from jointsdf.study.csv_rows import read_committed
 from jointsdf.study.tables import write_tables
 from jointsdf.values import LabelledMesh, Shape
 

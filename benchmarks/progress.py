@@ -13,7 +13,7 @@ import matplotlib as mpl
 import pandas as pd
 
 from jointsdf.errors import InputError
-from jointsdf.run_folder import BOARD, read_config, stored_row
+from jointsdf.runs.folder import BOARD, read_config, stored_row
 from jointsdf.study.columns import CD_L1, MIOU, NC
 from jointsdf.study.curves import read_curves
 from jointsdf.study.drawing import COLOURS, MARKERS, PNG_DPI, STYLE, panels

@@ -12,7 +12,7 @@ from dataclasses import replace
 from benchmarks.scene import composed
 from benchmarks.table import Row
 from jointsdf.experiment import run
-from jointsdf.results import ResultRow
+from jointsdf.runs.row import ResultRow
 
 SHAPES = ("part_01", "part_12", "part_23")
 PAPER_STEPS = 10_000

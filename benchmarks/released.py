@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from jointsdf.derivatives import ScalarField, autograd_mixed, tangent_frame
+from jointsdf.model.derivatives import ScalarField, autograd_mixed, tangent_frame
 from jointsdf.values import FieldValues, Samples, Step
 
 

@@ -14,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from torch.utils.tensorboard import SummaryWriter
 
-from jointsdf import run_folder, shapes
+from jointsdf import shapes
 from jointsdf.board import Preview
 from jointsdf.checks import check, number_keys
 from jointsdf.cloud import Cloud
@@ -22,12 +22,13 @@ from jointsdf.data import ShapeDataModule
 from jointsdf.errors import InputError, first_line
 from jointsdf.evaluation import Protocol
 from jointsdf.extraction import Extraction
-from jointsdf.field import JointField
+from jointsdf.geometry.mesh import relative_area
+from jointsdf.model.field import JointField
 from jointsdf.module import JointSDFModule
 from jointsdf.products import CHOICES, Products
+from jointsdf.runs import folder as run_folder
 from jointsdf.sampling import Counts
 from jointsdf.shapes.report import LADDER
-from jointsdf.surfaces import relative_area
 from jointsdf.values import Shape
 from jointsdf.viewing.render import compare
 

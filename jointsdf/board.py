@@ -14,7 +14,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from jointsdf.evaluation import GroundTruth, Protocol
 from jointsdf.extraction import Extraction
-from jointsdf.field import JointField
+from jointsdf.model.field import JointField
 from jointsdf.module import JointSDFModule
 from jointsdf.values import LabelledMesh
 from jointsdf.viewing.export import fits_tensorboard, tensorboard_mesh

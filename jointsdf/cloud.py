@@ -9,8 +9,8 @@ from numpy.random import Generator, Philox
 from scipy.spatial import KDTree
 
 from jointsdf.errors import InputError
-from jointsdf.regions import face_graph, smooth_regions
-from jointsdf.surfaces import area_uniform, face_areas, face_normals, near_borders
+from jointsdf.geometry.face_graph import face_graph, smooth_regions
+from jointsdf.geometry.mesh import area_uniform, face_areas, face_normals, near_borders
 from jointsdf.values import BOX, UNLABELLED, LabelledMesh, Normalisation
 
 POOL_SCALES = (-3.0, -1.0)  # log10 of the narrowest and widest near-surface noise of the pool, network length units

@@ -9,7 +9,7 @@ from pathlib import Path
 from jointsdf.data import network_distance
 from jointsdf.evaluation import GroundTruth, Scores
 from jointsdf.extraction import Extraction
-from jointsdf.results import config_hash, write_atomically
+from jointsdf.runs.row import config_hash, write_atomically
 from jointsdf.values import LabelledMesh, Normalisation, Shape
 
 CHUNK = 1 << 18  # points asked of the exact distance at once: libigl makes a search tree in every call

@@ -11,8 +11,8 @@ from numpy import ndarray
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from jointsdf.cloud import Cloud, pool_points
-from jointsdf.distance import ExactDistance
 from jointsdf.errors import InputError
+from jointsdf.geometry.distance import ExactDistance
 from jointsdf.sampling import Counts, Sampler
 from jointsdf.surfels import Surfels
 from jointsdf.values import Normalisation, Samples, Shape

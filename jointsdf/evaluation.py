@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from jointsdf.errors import InputError
+from jointsdf.geometry.mesh import area_uniform, face_areas, face_normals
 from jointsdf.metrics import Metric, remembered
-from jointsdf.surfaces import area_uniform, face_areas, face_normals
 from jointsdf.values import UNMOVED, LabelledMesh, Normalisation, SurfaceSamples
 
 # Evaluation has seeds of its own, so that all heads and seeds of a shape meet the same ground truth samples. The floor

@@ -13,18 +13,20 @@ from jaxtyping import Float
 from numpy import ndarray
 from omegaconf import DictConfig
 
-from jointsdf import assembly, run_folder, run_state
+from jointsdf import assembly
 from jointsdf.board import log_result
 from jointsdf.companions import companions
 from jointsdf.evaluation import GroundTruth, Scores
-from jointsdf.field import JointField
 from jointsdf.fitting import board_of, fit, save_field
 from jointsdf.machine import keep_freed_memory, peak_memory_mb, reset_peak_memory
+from jointsdf.model.field import JointField
 from jointsdf.phases import phase, tell
 from jointsdf.products import use_matmul
-from jointsdf.provenance import code_state, provenance
-from jointsdf.results import ResultRow, config_hash, write_row
-from jointsdf.reuse import known_row
+from jointsdf.runs import folder as run_folder
+from jointsdf.runs import status as run_state
+from jointsdf.runs.provenance import code_state, provenance
+from jointsdf.runs.reuse import known_row
+from jointsdf.runs.row import ResultRow, config_hash, write_row
 from jointsdf.settling import settled
 from jointsdf.shapes.report import MeshReport, mesh_report
 from jointsdf.summary import files_to_open, in_words, summary

@@ -18,11 +18,11 @@ from torch.utils.tensorboard import SummaryWriter
 
 from jointsdf.callbacks import Checkpoints, Progress, stored
 from jointsdf.errors import InputError
-from jointsdf.field import JointField
+from jointsdf.model.field import JointField
 from jointsdf.module import JointSDFModule
 from jointsdf.products import Products, machine_kind, noted, used
-from jointsdf.run_folder import BOARD, CHECKPOINT
-from jointsdf.run_state import report
+from jointsdf.runs.folder import BOARD, CHECKPOINT
+from jointsdf.runs.status import report
 from jointsdf.threads import workers
 
 log = logging.getLogger(__name__)

@@ -14,15 +14,15 @@ from torch.nn.utils import clip_grad_norm_
 from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 
-from jointsdf.derivatives import Mixed, mixed_stencil, tangent_frame
 from jointsdf.errors import InputError
-from jointsdf.field import JointField
 from jointsdf.losses import Needs, Term
 from jointsdf.losses.schedule import Schedule
-from jointsdf.module_pass import in_pieces
+from jointsdf.model.derivatives import Mixed, mixed_stencil, tangent_frame
+from jointsdf.model.field import JointField
+from jointsdf.model.fused.evaluate import Evaluation, evaluate
+from jointsdf.model.fused.pieces import in_pieces
 from jointsdf.optimizers import Group, MuonAdam, parameter_groups
 from jointsdf.products import Products, Sizes
-from jointsdf.sine_pass import Evaluation, evaluate
 from jointsdf.threads import MOST
 from jointsdf.values import FieldValues, Samples, Step
 

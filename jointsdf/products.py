@@ -25,8 +25,8 @@ from platformdirs import user_cache_path
 from torch import Tensor
 
 from jointsdf.optimizers import ITERATIONS, orthogonalised
-from jointsdf.provenance import cpu_model, cpu_vendor
-from jointsdf.results import write_atomically
+from jointsdf.runs.provenance import cpu_model, cpu_vendor
+from jointsdf.runs.row import write_atomically
 from jointsdf.threads import large_pieces, workers
 
 REPEATS, FASTER = 5, 1.3

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from jointsdf.extraction import Extraction, Surface
+from jointsdf.geometry.mesh import face_normals, ray_hits
 from jointsdf.grid import Sdf
 from jointsdf.metrics.topology import topology
 from jointsdf.shapes.report import LADDER
-from jointsdf.surfaces import face_normals, ray_hits
 from jointsdf.values import BOX, LabelledMesh
 
 log = logging.getLogger(__name__)

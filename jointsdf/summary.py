@@ -6,7 +6,7 @@ from pathlib import Path
 import trimesh
 
 from jointsdf.evaluation import Protocol, bounding_frame
-from jointsdf.results import ResultRow
+from jointsdf.runs.row import ResultRow
 from jointsdf.values import LabelledMesh
 
 QUOTED = {"surface_p99", "parts_pred", "parts_gt", "components", "components_gt"}

@@ -23,12 +23,12 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
-from jointsdf import run_state
 from jointsdf.console import one_line, quiet_libraries
 from jointsdf.errors import InputError
 from jointsdf.phases import phase, run_named
-from jointsdf.results import ROW_FILE
-from jointsdf.run_folder import FIELD
+from jointsdf.runs import status as run_state
+from jointsdf.runs.folder import FIELD
+from jointsdf.runs.row import ROW_FILE
 
 log = logging.getLogger(__name__)
 

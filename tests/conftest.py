@@ -12,7 +12,7 @@ import pytest
 import torch
 import trimesh
 
-from jointsdf.field import JointField
+from jointsdf.model.field import JointField
 from jointsdf.values import LabelledMesh, Normalisation, Shape
 
 BOX_EXTENTS = np.array([40.0, 24.0, 16.0])  # file units

@@ -5,7 +5,7 @@ import math
 import torch
 from torch import Tensor
 
-from jointsdf.trunk import SirenTrunk
+from jointsdf.model.trunk import SirenTrunk
 
 NETWORKS = [  # width, depth, omega, hidden_omega
     (16, 1, 30.0, 30.0),

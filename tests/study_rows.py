@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from jointsdf.results import ResultRow, write_row
+from jointsdf.runs.row import ResultRow, write_row
 from jointsdf.study.collect import gather
 from jointsdf.study.tables import write_tables
 

@@ -11,7 +11,7 @@ import torch
 from command_line import ROOT, Answer, call
 
 from jointsdf import experiment
-from jointsdf.field import JointField
+from jointsdf.model.field import JointField
 from jointsdf.module import JointSDFModule
 
 pytestmark = pytest.mark.filterwarnings("default")

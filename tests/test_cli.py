@@ -17,7 +17,7 @@ import trimesh
 import yaml
 from command_line import PLACE, QUICK, ROOT, call, train
 
-from jointsdf.field import JointField
+from jointsdf.model.field import JointField
 from jointsdf.module import JointSDFModule
 from jointsdf.shapes.builtin import BUILTINS
 
@@ -224,7 +224,7 @@ def no_space(*_):
 
 @pytest.mark.parametrize(
     "target",
-    ["jointsdf.results.os.replace", "jointsdf.callbacks.os.replace", "jointsdf.viewing.export.Path.write_bytes"],
+    ["jointsdf.runs.row.os.replace", "jointsdf.callbacks.os.replace", "jointsdf.viewing.export.Path.write_bytes"],
 )
 def test_a_full_disk_is_one_line_and_leaves_no_result(tmp_path, monkeypatch, target):
     with monkeypatch.context() as patch:

@@ -13,10 +13,10 @@ from omegaconf import DictConfig, OmegaConf
 
 from jointsdf import assembly
 from jointsdf.data import ShapeDataModule
-from jointsdf.heads import HEADS
+from jointsdf.model.heads import HEADS
+from jointsdf.model.trunk import SirenTrunk
 from jointsdf.module import JointSDFModule
 from jointsdf.sampling import Counts
-from jointsdf.trunk import SirenTrunk
 
 CONF = Path(__file__).parents[1] / "conf"
 CHOICES = sorted(f"{path.parent.relative_to(CONF)}={path.stem}" for path in CONF.glob("*/**/*.yaml"))

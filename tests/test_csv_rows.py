@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 from study_rows import NAN, make_row, write
 
-from jointsdf.results import ResultRow, read_rows
+from jointsdf.runs.csv import read_committed, rows_from_csv, rows_to_csv
+from jointsdf.runs.row import ResultRow, read_rows
 from jointsdf.study.collect import gather
-from jointsdf.study.csv_rows import read_committed, rows_from_csv, rows_to_csv
 
 
 def same(left: ResultRow, right: ResultRow) -> bool:

@@ -8,14 +8,7 @@ import torch
 from sine_networks import NETWORKS, network, plain, random_points, relative
 from torch import Tensor
 
-from jointsdf.derivatives import (
-    autograd_gradient,
-    autograd_mixed,
-    gradient,
-    mixed_stencil,
-    tangent_frame,
-    trace,
-)
+from jointsdf.model.derivatives import autograd_gradient, autograd_mixed, gradient, mixed_stencil, tangent_frame, trace
 
 Field = Callable[[Tensor], Tensor]
 

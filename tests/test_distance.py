@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from jointsdf.distance import PIECES, VOTING, ClosestPoint, ExactDistance, agreed, cut
+from jointsdf.geometry.distance import PIECES, VOTING, ClosestPoint, ExactDistance, agreed, cut
 from jointsdf.values import LabelledMesh
 
 HALF = np.array([0.7, 0.5, 0.3])

@@ -16,8 +16,8 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from jointsdf import experiment
 from jointsdf.cloud import Cloud
-from jointsdf.field import JointField
 from jointsdf.losses.dirichlet import Dirichlet
+from jointsdf.model.field import JointField
 from jointsdf.shapes.builtin import BUILTINS
 from jointsdf.study.__main__ import main as study
 

@@ -14,7 +14,7 @@ from jointsdf.errors import InputError
 from jointsdf.figures import meshes, pictures
 from jointsdf.figures.__main__ import main, write_figures
 from jointsdf.figures.meshes import Pair
-from jointsdf.results import ResultRow, write_row
+from jointsdf.runs.row import ResultRow, write_row
 from jointsdf.study.collect import collect
 from jointsdf.study.curves import loss_curves, read_curves
 from jointsdf.study.drawing import COLOURS, MARKERS, dodge, look

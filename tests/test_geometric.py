@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from sklearn.metrics import adjusted_rand_score
 
 from jointsdf.errors import InputError
-from jointsdf.regions import components, face_graph, smooth_regions
+from jointsdf.geometry.face_graph import components, face_graph, smooth_regions
+from jointsdf.geometry.mesh import face_areas
 from jointsdf.shapes import abc, load
 from jointsdf.shapes import labels as part_labels
 from jointsdf.shapes.builtin import BUILTINS, part_names
@@ -21,7 +22,6 @@ from jointsdf.shapes.geometric import Hierarchy, hierarchy
 from jointsdf.shapes.merging import SMALLEST
 from jointsdf.shapes.region_measures import measured
 from jointsdf.shapes.surroundings import surroundings
-from jointsdf.surfaces import face_areas
 from jointsdf.values import LabelledMesh
 
 COUNTS = (None, 2, 3, 7, 18, 40)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from jointsdf.errors import InputError
+from jointsdf.geometry.mesh import face_areas
 from jointsdf.shapes.labels import numbered_by_area, read
-from jointsdf.surfaces import face_areas
 from jointsdf.values import LabelledMesh
 
 

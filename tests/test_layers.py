@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import nn
 
-from jointsdf.layers import FEW_THREADS, SineLayer, classifier, cosine, hidden_sine, kaiming, sine_
+from jointsdf.model.layers import FEW_THREADS, SineLayer, classifier, cosine, hidden_sine, kaiming, sine_
 
 
 def fills(parameter: torch.Tensor, bound: float) -> bool:

@@ -8,7 +8,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from jointsdf.derivatives import Mixed, autograd_gradient, autograd_mixed, tangent_frame
 from jointsdf.errors import InputError
 from jointsdf.losses.cross_entropy import CrossEntropy
 from jointsdf.losses.dirichlet import Dirichlet
@@ -19,6 +18,7 @@ from jointsdf.losses.schedule import Schedule
 from jointsdf.losses.sign_agnostic import SignAgnostic
 from jointsdf.losses.signed_distance import SignedDistance
 from jointsdf.losses.weingarten import Weingarten
+from jointsdf.model.derivatives import Mixed, autograd_gradient, autograd_mixed, tangent_frame
 from jointsdf.values import FieldValues, Step
 
 Field = Callable[[Tensor], Tensor]

@@ -10,9 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.optim import Adam, Optimizer
 
-from jointsdf.derivatives import Mixed
 from jointsdf.errors import InputError
-from jointsdf.field import JointField
 from jointsdf.losses.cross_entropy import CrossEntropy
 from jointsdf.losses.dirichlet import Dirichlet
 from jointsdf.losses.eikonal import Eikonal
@@ -20,9 +18,11 @@ from jointsdf.losses.schedule import Schedule
 from jointsdf.losses.sign_agnostic import SignAgnostic
 from jointsdf.losses.signed_distance import SignedDistance
 from jointsdf.losses.weingarten import Weingarten
+from jointsdf.model.derivatives import Mixed
+from jointsdf.model.field import JointField
+from jointsdf.model.trunk import SirenTrunk
 from jointsdf.module import JointSDFModule, NonFiniteLossError, merged_needs
 from jointsdf.optimizers import MuonAdam, parameter_groups
-from jointsdf.trunk import SirenTrunk
 from jointsdf.values import Samples, Step
 
 BuildField = Callable[..., JointField]

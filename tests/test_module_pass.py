@@ -8,8 +8,8 @@ from conftest import KNOBS
 from torch import Tensor, nn
 
 from jointsdf import threads
-from jointsdf.heads import HEADS
-from jointsdf.module_pass import in_pieces
+from jointsdf.model.fused.pieces import in_pieces
+from jointsdf.model.heads import HEADS
 
 
 @pytest.fixture(params=[1, 2, 3])

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jointsdf.provenance import LIBRARIES, code_state, provenance
+from jointsdf.runs.provenance import LIBRARIES, code_state, provenance
 
 
 def test_provenance_names_code_versions_and_machine() -> None:

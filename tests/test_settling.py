@@ -12,7 +12,7 @@ from command_line import train
 from jointsdf import experiment
 from jointsdf.board import extract
 from jointsdf.extraction import Extraction
-from jointsdf.field import JointField
+from jointsdf.model.field import JointField
 from jointsdf.settling import FEWEST, close_faces, pieces_and_handles, settled
 from jointsdf.values import BOX
 

@@ -11,12 +11,12 @@ from sine_networks import NETWORKS, network, plain, random_points, relative
 from torch import Tensor
 
 from jointsdf import threads
-from jointsdf.derivatives import Mixed, autograd_gradient, autograd_mixed, mixed_stencil, tangent_frame
-from jointsdf.field import JointField
 from jointsdf.losses import Needs
+from jointsdf.model.derivatives import Mixed, autograd_gradient, autograd_mixed, mixed_stencil, tangent_frame
+from jointsdf.model.field import JointField
+from jointsdf.model.fused.evaluate import Evaluation, evaluate
+from jointsdf.model.trunk import SirenTrunk
 from jointsdf.module import JointSDFModule, merged_needs
-from jointsdf.sine_pass import Evaluation, evaluate
-from jointsdf.trunk import SirenTrunk
 from jointsdf.values import FieldValues, Samples, Step
 
 CONF = str(Path(__file__).parents[1] / "conf")

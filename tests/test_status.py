@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from test_results import ROW
 
-from jointsdf import run_state
-from jointsdf.results import ResultRow, read_rows, write_row
-from jointsdf.run_state import RunState, duration
+from jointsdf.runs import status as run_state
+from jointsdf.runs.csv import rows_from_csv
+from jointsdf.runs.row import ResultRow, read_rows, write_row
+from jointsdf.runs.status import RunState, duration
 from jointsdf.study.__main__ import main as study
-from jointsdf.study.csv_rows import rows_from_csv
 
 
 def place(outputs: Path, head: str, shape: str, seed: int = 0, variant: str = "base") -> Path:

@@ -8,8 +8,8 @@ import trimesh
 from scipy.spatial import KDTree
 
 from jointsdf.cloud import Cloud, pool_points, region_areas, stream
+from jointsdf.geometry.mesh import border_edges, edge_keys, face_areas, near_borders, relative_area
 from jointsdf.sampling import Counts, Sampler
-from jointsdf.surfaces import border_edges, edge_keys, face_areas, near_borders, relative_area
 from jointsdf.values import LabelledMesh
 
 

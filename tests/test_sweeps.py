@@ -18,10 +18,11 @@ import yaml
 from command_line import PLACE, QUICK, ROOT, Answer, call, finished, train
 from omegaconf import OmegaConf
 
-from jointsdf import assembly, run_state, sweep
-from jointsdf.heads.relu import ReluHead
+from jointsdf import assembly, sweep
+from jointsdf.model.heads.relu import ReluHead
 from jointsdf.module import JointSDFModule
-from jointsdf.results import config_hash
+from jointsdf.runs import status as run_state
+from jointsdf.runs.row import config_hash
 from jointsdf.study.__main__ import main as study
 
 pytestmark = pytest.mark.filterwarnings("default")

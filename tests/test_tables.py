@@ -10,11 +10,11 @@ import pytest
 from scipy import stats
 from study_rows import NAN, line, make_row, make_tables, write
 
-from jointsdf import run_state
-from jointsdf.results import ResultRow, write_row
+from jointsdf.runs import status as run_state
+from jointsdf.runs.csv import label_kind, source_of
+from jointsdf.runs.row import ResultRow, write_row
 from jointsdf.study.__main__ import main
 from jointsdf.study.collect import collect
-from jointsdf.study.csv_rows import label_kind, source_of
 from jointsdf.study.latex import best, cell, escape
 from jointsdf.study.statistics import Summary
 from jointsdf.study.tables import write_tables

@@ -10,12 +10,12 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from jointsdf import trunk as trunk_module
 from jointsdf.errors import InputError
-from jointsdf.field import JointField
-from jointsdf.heads import HEADS
-from jointsdf.layers import SineLayer
-from jointsdf.trunk import SirenTrunk
+from jointsdf.model import trunk as trunk_module
+from jointsdf.model.field import JointField
+from jointsdf.model.heads import HEADS
+from jointsdf.model.layers import SineLayer
+from jointsdf.model.trunk import SirenTrunk
 from jointsdf.values import BOX, Normalisation
 
 BuildField = Callable[..., JointField]
@@ -363,6 +363,6 @@ def test_many_points_are_answered_in_chunks(small_field, monkeypatch: pytest.Mon
     field = small_field()
     points = torch.rand(50, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) * 40
     whole = field.query(points)
-    monkeypatch.setattr("jointsdf.field.CHUNK", 7)
+    monkeypatch.setattr("jointsdf.model.field.CHUNK", 7)
     for name, chunked in field.query(points)._asdict().items():
         torch.testing.assert_close(chunked, getattr(whole, name), rtol=1e-5, atol=1e-6)

@@ -13,9 +13,9 @@ from torch import nn
 from torch.optim import Adam, Optimizer
 
 from jointsdf.data import ShapeDataModule
-from jointsdf.field import JointField
-from jointsdf.heads import HEADS
 from jointsdf.losses.schedule import Schedule
+from jointsdf.model.field import JointField
+from jointsdf.model.heads import HEADS
 from jointsdf.module import JointSDFModule, merged_needs
 from jointsdf.sampling import Counts
 from jointsdf.values import Samples, Shape

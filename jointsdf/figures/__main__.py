@@ -7,10 +7,10 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 from jointsdf.figures.pictures import failures, triptychs
-from jointsdf.results import ResultRow
+from jointsdf.runs.csv import DEFAULT_PROTOCOL
+from jointsdf.runs.row import ResultRow
 from jointsdf.study.__main__ import add_folders, add_heads
 from jointsdf.study.collect import collect, gather
-from jointsdf.study.csv_rows import DEFAULT_PROTOCOL
 from jointsdf.study.curves import loss_curves
 from jointsdf.study.drawing import Drawing, write_drawing
 from jointsdf.study.gaps import find_gaps

@@ -10,8 +10,8 @@ from numpy import ndarray
 from scipy.optimize import linear_sum_assignment
 
 from jointsdf.assembly import stored_truth
-from jointsdf.distance import ExactDistance
 from jointsdf.errors import InputError
+from jointsdf.geometry.distance import ExactDistance
 from jointsdf.shapes.file import painted
 from jointsdf.values import LabelledMesh, Shape
 

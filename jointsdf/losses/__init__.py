@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 from jaxtyping import Float
 from torch import Tensor
 
-from jointsdf.derivatives import Mixed
+from jointsdf.model.derivatives import Mixed
 from jointsdf.values import Step
 
 Needs = Mapping[str, frozenset[str | Mixed]]

@@ -6,9 +6,9 @@ from typing import Literal
 from jaxtyping import Float
 from torch import Tensor
 
-from jointsdf.derivatives import Mixed
 from jointsdf.errors import InputError
 from jointsdf.losses import Needs
+from jointsdf.model.derivatives import Mixed
 from jointsdf.values import Step
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.distance import ClosestPoint, in_space_order
+from jointsdf.geometry.distance import ClosestPoint, in_space_order
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
 Result = TypeVar("Result")

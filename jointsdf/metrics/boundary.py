@@ -8,8 +8,8 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.spatial import KDTree
 
+from jointsdf.geometry.mesh import border_edges
 from jointsdf.metrics import remembered, unscored
-from jointsdf.surfaces import border_edges
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from jointsdf.geometry.mesh import edge_ends
 from jointsdf.metrics import remembered
-from jointsdf.surfaces import edge_ends
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
 

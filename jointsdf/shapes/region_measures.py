@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.regions import CREASE, FaceGraph
+from jointsdf.geometry.face_graph import CREASE, FaceGraph
+from jointsdf.geometry.mesh import face_areas
 from jointsdf.shapes.surroundings import surroundings
-from jointsdf.surfaces import face_areas
 from jointsdf.values import LabelledMesh
 
 RIGHT_ANGLE = np.pi / 2

@@ -10,7 +10,7 @@ from numpy import ndarray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from jointsdf.surfaces import area_uniform, face_areas, face_normals, ray_lengths
+from jointsdf.geometry.mesh import area_uniform, face_areas, face_normals, ray_lengths
 from jointsdf.values import BOX, UNLABELLED, LabelledMesh, Shape
 
 SAMPLES, WINDINGS = 10000, 2000  # points on the surface for rays, and for winding numbers

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from jointsdf.results import ResultRow, read_rows
-from jointsdf.study.csv_rows import read_committed, records
+from jointsdf.runs.csv import read_committed, records
+from jointsdf.runs.row import ResultRow, read_rows
 
 log = logging.getLogger(__name__)
 

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from jointsdf.results import ResultRow, read_rows, write_atomically
+from jointsdf.runs.csv import FILE, rows_from_csv, rows_to_csv
+from jointsdf.runs.row import ResultRow, read_rows, write_atomically
 from jointsdf.study.collect import identity
-from jointsdf.study.csv_rows import FILE, rows_from_csv, rows_to_csv
 
 
 def commit_rows(study: Path, results: Path) -> tuple[Path, int, list[str]]:

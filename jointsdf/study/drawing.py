@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy import ndarray
 
-from jointsdf.results import write_atomically
+from jointsdf.runs.row import write_atomically
 from jointsdf.study.groups import HEAD_ORDER
 from jointsdf.study.latex import escape
 

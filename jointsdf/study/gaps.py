@@ -4,8 +4,8 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jointsdf.results import ResultRow
-from jointsdf.run_state import PLAN, planned, state
+from jointsdf.runs.row import ResultRow
+from jointsdf.runs.status import PLAN, planned, state
 
 SHOWN = 12
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import pandas as pd
 
-from jointsdf.study.csv_rows import DEFAULT_PROTOCOL, source_of
+from jointsdf.runs.csv import DEFAULT_PROTOCOL, source_of
 from jointsdf.study.gaps import Gap
 from jointsdf.study.statistics import common_shapes
 

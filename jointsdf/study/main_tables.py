@@ -6,9 +6,9 @@ from typing import Any
 
 import pandas as pd
 
+from jointsdf.runs.csv import IOU
 from jointsdf.study.captions import SEVERAL, measured_on
 from jointsdf.study.columns import BY_PART_COUNT, CONTRASTED, COST, RECONSTRUCTION, SEGMENTATION, Column
-from jointsdf.study.csv_rows import IOU
 from jointsdf.study.groups import Comparison, Group, compare
 from jointsdf.study.latex import MISSING, cell, escape
 from jointsdf.study.statistics import pooled_deviation

@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from statistics import fmean
 
-from jointsdf.results import ROW_FILE, read_row
-from jointsdf.run_state import TRACEBACK, RunState, duration, planned, state
+from jointsdf.runs.row import ROW_FILE, read_row
+from jointsdf.runs.status import TRACEBACK, RunState, duration, planned, state
 
 COUNTED = ("done", "running", "failed", "damaged", "stopped", "missing")
 

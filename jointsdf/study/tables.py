@@ -7,11 +7,11 @@ from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
 
-from jointsdf.results import ResultRow, write_atomically
+from jointsdf.runs.csv import FILE, rows_to_csv
+from jointsdf.runs.row import ResultRow, write_atomically
 from jointsdf.study import main_tables, pairs, relations
 from jointsdf.study.against_paper import against_paper
 from jointsdf.study.collect import collect
-from jointsdf.study.csv_rows import FILE, rows_to_csv
 from jointsdf.study.gaps import find_gaps
 from jointsdf.study.groups import SUFFIX, Group, families, shown_alone, split
 from jointsdf.study.report import REPORT, report

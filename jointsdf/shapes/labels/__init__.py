@@ -9,7 +9,7 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from jointsdf.errors import InputError
-from jointsdf.surfaces import face_areas
+from jointsdf.geometry.mesh import face_areas
 from jointsdf.values import UNLABELLED, LabelledMesh
 
 TEXT = (".txt",)

@@ -14,8 +14,8 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jointsdf.provenance import UNKNOWN
-from jointsdf.results import ResultRow, row_of
+from jointsdf.runs.provenance import UNKNOWN
+from jointsdf.runs.row import ResultRow, row_of
 
 FILE = "runs.csv"
 DEFAULT_PROTOCOL = "unit"

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from jointsdf.results import ROW_FILE, ResultRow, read_row
-from jointsdf.run_folder import REUSED
-from jointsdf.study.csv_rows import FILE, read_committed
+from jointsdf.runs.csv import FILE, read_committed
+from jointsdf.runs.folder import REUSED
+from jointsdf.runs.row import ROW_FILE, ResultRow, read_row
 
 
 def known_row(identity_hash: str, folder: Path, outputs: Path, results: Path) -> ResultRow | None:

@@ -7,9 +7,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from jointsdf.derivatives import trace
 from jointsdf.errors import InputError
-from jointsdf.layers import SineLayer, hidden_sine, sine_, start_uniform
+from jointsdf.model.derivatives import trace
+from jointsdf.model.layers import SineLayer, hidden_sine, sine_, start_uniform
 from jointsdf.values import BOX
 
 SPHERE_RADIUS = 0.5  # network length units; about the size of a part in its box

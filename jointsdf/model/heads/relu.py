@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from jointsdf.layers import classifier, kaiming
+from jointsdf.model.layers import classifier, kaiming
 
 
 class ReluHead(nn.Module):

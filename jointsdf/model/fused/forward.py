@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from jointsdf.layers import cosine, sine_
+from jointsdf.model.layers import cosine, sine_
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from jointsdf.layers import SineLayer, classifier, hidden_sine
+from jointsdf.model.layers import SineLayer, classifier, hidden_sine
 
 
 class SirenHead(nn.Module):

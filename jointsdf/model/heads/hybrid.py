@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from jointsdf.layers import SineLayer, classifier, kaiming
+from jointsdf.model.layers import SineLayer, classifier, kaiming
 
 
 class HybridHead(nn.Module):

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from jointsdf.sine_forward import Layers, Record
+from jointsdf.model.fused.forward import Layers, Record
 
 Bars = list[Tensor | None]  # adjoints, one per layer
 

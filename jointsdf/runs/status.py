@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Literal
 
-from jointsdf.results import ROW_FILE, write_atomically
+from jointsdf.runs.row import ROW_FILE, write_atomically
 
 LOCK, STATUS, TRACEBACK, PLAN = ".lock", "status.json", "traceback.txt", "sweep.json"
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn.functional import linear
 
-from jointsdf.layers import SineLayer
+from jointsdf.model.layers import SineLayer
 
 ScalarField = Callable[[Float[Tensor, "n 3"]], Float[Tensor, " n"]]
 

@@ -12,11 +12,11 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor, nn
 
-from jointsdf.derivatives import gradient, trace
 from jointsdf.errors import InputError, first_line
-from jointsdf.heads import HEADS
+from jointsdf.model.derivatives import gradient, trace
+from jointsdf.model.heads import HEADS
+from jointsdf.model.trunk import SirenTrunk
 from jointsdf.threads import over_threads, pieces
-from jointsdf.trunk import SirenTrunk
 from jointsdf.values import UNLABELLED, Normalisation
 
 CHUNK = 65536  # points evaluated at once

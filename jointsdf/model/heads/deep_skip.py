@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from jointsdf.layers import SineLayer, classifier, hidden_sine
+from jointsdf.model.layers import SineLayer, classifier, hidden_sine
 
 
 class DeepSkipHead(nn.Module):

@@ -18,10 +18,10 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn.functional import normalize
 
-from jointsdf.derivatives import tangent_frame
-from jointsdf.layers import SineLayer
-from jointsdf.sine_backward import backward
-from jointsdf.sine_forward import Layers, Record, gradient, hessian_vector, value
+from jointsdf.model.derivatives import tangent_frame
+from jointsdf.model.fused.backward import backward
+from jointsdf.model.fused.forward import Layers, Record, gradient, hessian_vector, value
+from jointsdf.model.layers import SineLayer
 from jointsdf.threads import over_threads, pieces
 
 

@@ -8,11 +8,11 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-from jointsdf.results import Fact
+from jointsdf.runs.row import Fact
 
 LIBRARIES = ("torch", "lightning", "numpy", "scipy", "trimesh", "libigl", "scikit-image")
 UNKNOWN = "unknown"
-PACKAGE = Path(__file__).parent
+PACKAGE = Path(__file__).parents[1]
 
 
 def provenance(*, config_hash: str, **facts: Fact) -> dict[str, Fact]:

@@ -1,0 +1,1 @@
+"""Triangle meshes: normals and areas, rays, the graph of their faces, exact distances, topology."""

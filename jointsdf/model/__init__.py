@@ -1,0 +1,1 @@
+"""The field: SIREN trunk, segmentation heads, derivatives, and their fused evaluation."""

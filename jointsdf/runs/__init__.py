@@ -1,0 +1,1 @@
+"""Run folders and result rows: writing, locking, identity and reuse. Imports no torch."""
