@@ -8,7 +8,8 @@ import trimesh
 
 from jointsdf import shapes
 from jointsdf.errors import InputError
-from jointsdf.shapes import features, file
+from jointsdf.shapes.readers import abc_features as features
+from jointsdf.shapes.readers import mesh_file as file
 from jointsdf.values import Shape
 
 ABC = Path(os.environ.get("JOINTSDF_ABC", "absent"))

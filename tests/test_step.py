@@ -12,7 +12,7 @@ import trimesh
 
 from jointsdf import shapes
 from jointsdf.errors import InputError
-from jointsdf.shapes import step
+from jointsdf.shapes.readers import step
 from jointsdf.values import Shape
 
 DATA = Path(os.environ.get("JOINTSDF_ABC", "absent")).parent

@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 from jointsdf.assembly import stored_truth
 from jointsdf.errors import InputError
 from jointsdf.geometry.distance import ExactDistance
-from jointsdf.shapes.file import painted
+from jointsdf.shapes.readers.mesh_file import painted
 from jointsdf.values import LabelledMesh, Shape
 
 MESH = "mesh.ply"

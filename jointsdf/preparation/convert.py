@@ -16,8 +16,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from jointsdf.errors import InputError
-from jointsdf.shapes import features, file, step
 from jointsdf.shapes.abc import CatalogueEntry
+from jointsdf.shapes.readers import abc_features as features
+from jointsdf.shapes.readers import mesh_file as file
+from jointsdf.shapes.readers import step
 from jointsdf.values import UNLABELLED
 
 METRES = (0.001, 0.01, 0.0254, 0.3048, 1.0)  # per mm, cm, inch, foot, metre

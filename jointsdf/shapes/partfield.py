@@ -16,9 +16,9 @@ from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 from scipy.spatial import KDTree
 
 from jointsdf.errors import InputError
-from jointsdf.shapes import file
 from jointsdf.shapes.labels import read_array
 from jointsdf.shapes.matching import matched
+from jointsdf.shapes.readers import mesh_file as file
 
 MOST = 18  # parts, where none are asked for
 HOW = (

@@ -15,8 +15,8 @@ import trimesh
 from jointsdf import shapes
 from jointsdf.errors import InputError
 from jointsdf.shapes import partfield
-from jointsdf.shapes.file import FileMesh
 from jointsdf.shapes.labels import numbered_by_area
+from jointsdf.shapes.readers.mesh_file import FileMesh
 from jointsdf.values import LabelledMesh
 
 SCRIPTS = ("partfield_inference.py", "run_part_clustering.py")

@@ -83,8 +83,8 @@ def read(path: Path, data: bytes, *, tol_linear: float = 1e-4, tol_angular: floa
 
 
 def _tessellated(path: Path, data: bytes, tol_linear: float, tol_angular: float) -> dict[str, ndarray]:
-    """What `tessellate.py` makes of the file, in a process of its own: positions in metres."""
-    script = str(Path(__file__).with_name("tessellate.py"))
+    """What `step_worker.py` makes of the file, in a process of its own: positions in metres."""
+    script = str(Path(__file__).with_name("step_worker.py"))
     command = [sys.executable, "-P", script, str(tol_linear), str(tol_angular)]
     done = subprocess.run(command, input=data, capture_output=True, check=False)
     said = re.sub(r"\x1b\[[\d;]*m", "", done.stderr.decode("utf-8", errors="replace"))

@@ -1,0 +1,1 @@
+"""Mesh, STEP and ABC files -> triangles and B-rep patches."""
