@@ -15,10 +15,10 @@ from jointsdf.errors import InputError
 from jointsdf.geometry.face_graph import components, face_graph, smooth_regions
 from jointsdf.geometry.mesh import face_areas
 from jointsdf.shapes import abc, load
-from jointsdf.shapes import labels as part_labels
 from jointsdf.shapes.builtin import BUILTINS, part_names
 from jointsdf.shapes.builtin.construction import Construction, box, rod
 from jointsdf.shapes.geometric import Hierarchy, hierarchy
+from jointsdf.shapes.labels import files as part_labels
 from jointsdf.shapes.merging import SMALLEST
 from jointsdf.shapes.region_measures import measured
 from jointsdf.shapes.surroundings import surroundings

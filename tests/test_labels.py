@@ -5,7 +5,7 @@ import pytest
 
 from jointsdf.errors import InputError
 from jointsdf.geometry.mesh import face_areas
-from jointsdf.shapes.labels import numbered_by_area, read
+from jointsdf.shapes.labels.files import numbered_by_area, read
 from jointsdf.values import LabelledMesh
 
 

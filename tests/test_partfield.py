@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from jointsdf.shapes.labels.files.__main__ import main
 from sklearn.metrics import adjusted_rand_score
 
 from jointsdf import shapes
 from jointsdf.errors import InputError
-from jointsdf.shapes import partfield
-from jointsdf.shapes.labels.__main__ import main
-from jointsdf.shapes.matching import matched
+from jointsdf.shapes.labels import partfield
+from jointsdf.shapes.labels.face_matching import matched
 from jointsdf.values import Shape
 
 BAR = trimesh.creation.box((12, 2, 2), transform=trimesh.transformations.translation_matrix((30, 4, 1))).subdivide()

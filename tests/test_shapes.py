@@ -12,7 +12,8 @@ import trimesh
 
 from jointsdf import shapes
 from jointsdf.errors import InputError
-from jointsdf.shapes import abc, providers, repair
+from jointsdf.shapes import abc, repair
+from jointsdf.shapes.labels import providers
 from jointsdf.shapes.readers import mesh_file as file
 from jointsdf.values import Shape
 from jointsdf.viewing.export import write_mesh

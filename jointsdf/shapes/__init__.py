@@ -13,8 +13,8 @@ from numpy import ndarray
 
 from jointsdf.errors import InputError
 from jointsdf.shapes import abc, builtin, repair
-from jointsdf.shapes.partfield import names as partfield_names
-from jointsdf.shapes.providers import Subject, benchmark, provide
+from jointsdf.shapes.labels.partfield import names as partfield_names
+from jointsdf.shapes.labels.providers import Subject, benchmark, provide
 from jointsdf.shapes.readers import abc_features as features
 from jointsdf.shapes.readers import mesh_file as file
 from jointsdf.shapes.readers import step

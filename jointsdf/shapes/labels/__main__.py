@@ -14,8 +14,8 @@ import trimesh
 
 from jointsdf import shapes
 from jointsdf.errors import InputError
-from jointsdf.shapes import partfield
-from jointsdf.shapes.labels import numbered_by_area
+from jointsdf.shapes.labels import partfield
+from jointsdf.shapes.labels.files import numbered_by_area
 from jointsdf.shapes.readers.mesh_file import FileMesh
 from jointsdf.values import LabelledMesh
 

@@ -16,8 +16,8 @@ from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 from scipy.spatial import KDTree
 
 from jointsdf.errors import InputError
-from jointsdf.shapes.labels import read_array
-from jointsdf.shapes.matching import matched
+from jointsdf.shapes.labels.face_matching import matched
+from jointsdf.shapes.labels.files import read_array
 from jointsdf.shapes.readers import mesh_file as file
 
 MOST = 18  # parts, where none are asked for

@@ -13,10 +13,10 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from jointsdf.errors import InputError
-from jointsdf.shapes import labels as part_labels
-from jointsdf.shapes import partfield
 from jointsdf.shapes.geometric import hierarchy
-from jointsdf.shapes.matching import matched
+from jointsdf.shapes.labels import files as part_labels
+from jointsdf.shapes.labels import partfield
+from jointsdf.shapes.labels.face_matching import matched
 from jointsdf.shapes.readers import abc_features as features
 from jointsdf.shapes.readers import mesh_file as file
 from jointsdf.values import UNLABELLED, LabelledMesh
