@@ -15,8 +15,8 @@ from jointsdf.runs.csv import read_committed
 from jointsdf.runs.row import ResultRow
 from jointsdf.shapes import abc, load
 from jointsdf.shapes.builtin import BUILTINS
-from jointsdf.shapes.geometric import hierarchy
-from jointsdf.shapes.report import mesh_report
+from jointsdf.shapes.mesh_report import mesh_report
+from jointsdf.shapes.segmentation.hierarchy import hierarchy
 from jointsdf.study.tables import write_tables
 from jointsdf.values import LabelledMesh, Shape
 

@@ -28,7 +28,7 @@ from jointsdf.module import JointSDFModule
 from jointsdf.products import CHOICES, Products
 from jointsdf.runs import folder as run_folder
 from jointsdf.sampling import Counts
-from jointsdf.shapes.report import LADDER
+from jointsdf.shapes.mesh_report import LADDER
 from jointsdf.values import Shape
 from jointsdf.viewing.render import compare
 

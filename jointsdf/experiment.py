@@ -28,7 +28,7 @@ from jointsdf.runs.provenance import code_state, provenance
 from jointsdf.runs.reuse import known_row
 from jointsdf.runs.row import ResultRow, config_hash, write_row
 from jointsdf.settling import settled
-from jointsdf.shapes.report import MeshReport, mesh_report
+from jointsdf.shapes.mesh_report import MeshReport, mesh_report
 from jointsdf.summary import files_to_open, in_words, summary
 from jointsdf.threads import large_pieces
 from jointsdf.values import LabelledMesh, Normalisation, Shape

@@ -10,7 +10,7 @@ from jointsdf.extraction import Extraction, Surface
 from jointsdf.geometry.mesh import face_normals, ray_hits
 from jointsdf.grid import Sdf
 from jointsdf.metrics.topology import topology
-from jointsdf.shapes.report import LADDER
+from jointsdf.shapes.mesh_report import LADDER
 from jointsdf.values import BOX, LabelledMesh
 
 log = logging.getLogger(__name__)

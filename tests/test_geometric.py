@@ -17,11 +17,11 @@ from jointsdf.geometry.mesh import face_areas
 from jointsdf.shapes import abc, load
 from jointsdf.shapes.builtin import BUILTINS, part_names
 from jointsdf.shapes.builtin.construction import Construction, box, rod
-from jointsdf.shapes.geometric import Hierarchy, hierarchy
 from jointsdf.shapes.labels import files as part_labels
-from jointsdf.shapes.merging import SMALLEST
-from jointsdf.shapes.region_measures import measured
-from jointsdf.shapes.surroundings import surroundings
+from jointsdf.shapes.segmentation.hierarchy import Hierarchy, hierarchy
+from jointsdf.shapes.segmentation.merging import SMALLEST
+from jointsdf.shapes.segmentation.ray_features import surroundings
+from jointsdf.shapes.segmentation.region_features import measured
 from jointsdf.values import LabelledMesh
 
 COUNTS = (None, 2, 3, 7, 18, 40)

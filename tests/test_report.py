@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from jointsdf import shapes
+from jointsdf.shapes.mesh_report import CELLS, FINEST, LADDER, MeshReport, mesh_report, resolution_for
 from jointsdf.shapes.repair import cleaned
-from jointsdf.shapes.report import CELLS, FINEST, LADDER, MeshReport, mesh_report, resolution_for
 from jointsdf.values import BOX, LabelledMesh, Shape
 
 

@@ -119,7 +119,7 @@ def test_both_sides_of_a_thin_wall_count_and_a_thick_one_has_none() -> None:
 
 def test_a_run_takes_the_finer_grid_and_its_row_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`auto` of a shape without thin walls starts at 256; here the ladder is short, and the fit too short for it."""
-    monkeypatch.setattr("jointsdf.shapes.report.LADDER", (16,))
+    monkeypatch.setattr("jointsdf.shapes.mesh_report.LADDER", (16,))
     finer = Extraction(24, borders="split")
     monkeypatch.setattr(experiment, "settled", lambda _, sdf: (finer, finer.surface(sdf)))
     assert train(tmp_path, "extraction.resolution=auto").code == 0

@@ -13,12 +13,12 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from jointsdf.errors import InputError
-from jointsdf.shapes.geometric import hierarchy
 from jointsdf.shapes.labels import files as part_labels
 from jointsdf.shapes.labels import partfield
 from jointsdf.shapes.labels.face_matching import matched
 from jointsdf.shapes.readers import abc_features as features
 from jointsdf.shapes.readers import mesh_file as file
+from jointsdf.shapes.segmentation.hierarchy import hierarchy
 from jointsdf.values import UNLABELLED, LabelledMesh
 
 Labels = tuple[Int[ndarray, " f"], str]

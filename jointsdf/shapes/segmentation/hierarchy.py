@@ -14,9 +14,9 @@ from numpy import ndarray
 from jointsdf.errors import InputError
 from jointsdf.geometry.face_graph import components, face_graph, smooth_regions
 from jointsdf.geometry.mesh import face_areas
-from jointsdf.shapes.bisection import bisected
-from jointsdf.shapes.merging import APART, SMALLEST, Merging
-from jointsdf.shapes.region_measures import measured
+from jointsdf.shapes.segmentation.bisection import bisected
+from jointsdf.shapes.segmentation.merging import APART, SMALLEST, Merging
+from jointsdf.shapes.segmentation.region_features import measured
 from jointsdf.values import LabelledMesh
 
 LEAVES = 64  # pieces that smooth regions are cut into, at least

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.shapes.region_measures import Regions
+from jointsdf.shapes.segmentation.region_features import Regions
 
 SMALLEST = 0.002  # share of the area below which a region is no part
 CONCAVE, CONVEX, HOLLOW, THICKNESS, TANGENT = 1.0, 0.01, 0.5, 0.05, 0.002  # weights of what separates two regions

@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from jointsdf.geometry.face_graph import CREASE, FaceGraph
 from jointsdf.geometry.mesh import face_areas
-from jointsdf.shapes.surroundings import surroundings
+from jointsdf.shapes.segmentation.ray_features import surroundings
 from jointsdf.values import LabelledMesh
 
 RIGHT_ANGLE = np.pi / 2

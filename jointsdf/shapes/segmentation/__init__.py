@@ -1,0 +1,1 @@
+"""Geometric segmentation: smooth regions merged hierarchically into parts."""
