@@ -1,1 +1,1 @@
-"""Value, gradient and mixed second derivative of a SIREN in the fewest matrix products, with a hand-written backward."""
+"""Value, gradient and mixed second derivative of a SIREN in the fewest matrix products, backward by hand."""
