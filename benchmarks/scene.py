@@ -9,7 +9,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig
 
 from jointsdf import assembly
-from jointsdf.data import ShapeDataModule
+from jointsdf.data.datamodule import ShapeDataModule
 from jointsdf.fitting import fit
 from jointsdf.module import JointSDFModule
 from jointsdf.products import Products, chosen

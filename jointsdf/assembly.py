@@ -17,8 +17,9 @@ from torch.utils.tensorboard import SummaryWriter
 from jointsdf import shapes
 from jointsdf.board import Preview
 from jointsdf.checks import check, number_keys
-from jointsdf.cloud import Cloud
-from jointsdf.data import ShapeDataModule
+from jointsdf.data.datamodule import ShapeDataModule
+from jointsdf.data.point_cloud import Cloud
+from jointsdf.data.sampler import Counts
 from jointsdf.errors import InputError, first_line
 from jointsdf.evaluation import Protocol
 from jointsdf.extraction import Extraction
@@ -27,7 +28,6 @@ from jointsdf.model.field import JointField
 from jointsdf.module import JointSDFModule
 from jointsdf.products import CHOICES, Products
 from jointsdf.runs import folder as run_folder
-from jointsdf.sampling import Counts
 from jointsdf.shapes.mesh_report import LADDER
 from jointsdf.values import Shape
 from jointsdf.viewing.render import compare

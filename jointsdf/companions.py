@@ -6,7 +6,7 @@ from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 
-from jointsdf.data import network_distance
+from jointsdf.data.datamodule import network_distance
 from jointsdf.evaluation import GroundTruth, Scores
 from jointsdf.extraction import Extraction
 from jointsdf.runs.row import config_hash, write_atomically

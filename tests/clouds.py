@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from jointsdf.cloud import Cloud
+from jointsdf.data.point_cloud import Cloud
 from jointsdf.values import LabelledMesh
 
 

@@ -12,11 +12,11 @@ from hydra.utils import get_object
 from omegaconf import DictConfig, OmegaConf
 
 from jointsdf import assembly
-from jointsdf.data import ShapeDataModule
+from jointsdf.data.datamodule import ShapeDataModule
+from jointsdf.data.sampler import Counts
 from jointsdf.model.heads import HEADS
 from jointsdf.model.trunk import SirenTrunk
 from jointsdf.module import JointSDFModule
-from jointsdf.sampling import Counts
 
 CONF = Path(__file__).parents[1] / "conf"
 CHOICES = sorted(f"{path.parent.relative_to(CONF)}={path.stem}" for path in CONF.glob("*/**/*.yaml"))

@@ -15,7 +15,7 @@ from PIL import Image
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from jointsdf import experiment
-from jointsdf.cloud import Cloud
+from jointsdf.data.point_cloud import Cloud
 from jointsdf.losses.dirichlet import Dirichlet
 from jointsdf.model.field import JointField
 from jointsdf.shapes.builtin import BUILTINS

@@ -6,11 +6,11 @@ import trimesh
 from clouds import box_distance, cloud_of
 from scipy.ndimage import label
 
-from jointsdf.cloud import stream
-from jointsdf.data import ShapeDataModule
+from jointsdf.data.datamodule import ShapeDataModule
+from jointsdf.data.free_space import FINEST, LEAST_CELLS, FreeSpace
+from jointsdf.data.point_cloud import stream
+from jointsdf.data.sampler import Counts
 from jointsdf.errors import InputError
-from jointsdf.free_space import FINEST, LEAST_CELLS, FreeSpace
-from jointsdf.sampling import Counts
 from jointsdf.values import BOX, Shape
 
 

@@ -9,11 +9,11 @@ import pytest
 import torch
 from scipy.stats import chisquare, kstest
 
-from jointsdf.cloud import Cloud, pool_points, stream
-from jointsdf.data import ShapeDataModule, StepStream
+from jointsdf.data.datamodule import ShapeDataModule, StepStream
+from jointsdf.data.point_cloud import Cloud, pool_points, stream
+from jointsdf.data.sampler import SHELL_NEIGHBOUR, Counts, Sampler
 from jointsdf.errors import InputError
 from jointsdf.geometry.mesh import area_uniform, face_normals
-from jointsdf.sampling import SHELL_NEIGHBOUR, Counts, Sampler
 from jointsdf.values import BOX, LabelledMesh, Samples, Shape
 
 COUNTS = Counts(manifold=300, non_manifold=200, shell=250, pool=150)

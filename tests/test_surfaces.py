@@ -7,9 +7,9 @@ import pytest
 import trimesh
 from scipy.spatial import KDTree
 
-from jointsdf.cloud import Cloud, pool_points, region_areas, stream
+from jointsdf.data.point_cloud import Cloud, pool_points, region_areas, stream
+from jointsdf.data.sampler import Counts, Sampler
 from jointsdf.geometry.mesh import border_edges, edge_keys, face_areas, near_borders, relative_area
-from jointsdf.sampling import Counts, Sampler
 from jointsdf.values import LabelledMesh
 
 

@@ -5,10 +5,10 @@ import pytest
 import trimesh
 from clouds import box_distance, cloud_of
 
-from jointsdf.cloud import Cloud, pool_points, stream
-from jointsdf.data import ShapeDataModule, network_distance
-from jointsdf.sampling import Counts
-from jointsdf.surfels import Surfels
+from jointsdf.data.datamodule import ShapeDataModule, network_distance
+from jointsdf.data.point_cloud import Cloud, pool_points, stream
+from jointsdf.data.sampler import Counts
+from jointsdf.data.surfels import Surfels
 from jointsdf.values import BOX, Samples, Shape
 
 
@@ -143,8 +143,8 @@ def test_with_distances_from_the_cloud_nothing_of_the_mesh_but_points_reaches_a_
         return data.sampler.draw(3)
 
     honest = drawn()
-    monkeypatch.setattr("jointsdf.cloud.face_normals", lambda _, faces: np.full((len(faces), 3), np.nan))
-    monkeypatch.setattr("jointsdf.data.network_distance", lambda *_: pytest.fail("the mesh was asked"))
+    monkeypatch.setattr("jointsdf.data.point_cloud.face_normals", lambda _, faces: np.full((len(faces), 3), np.nan))
+    monkeypatch.setattr("jointsdf.data.datamodule.network_distance", lambda *_: pytest.fail("the mesh was asked"))
     for one, other in zip(honest, drawn(), strict=True):
         np.testing.assert_array_equal(one.numpy(), other.numpy())
     assert honest.normals.any()

@@ -12,12 +12,12 @@ from omegaconf import DictConfig, OmegaConf
 from torch import nn
 from torch.optim import Adam, Optimizer
 
-from jointsdf.data import ShapeDataModule
+from jointsdf.data.datamodule import ShapeDataModule
+from jointsdf.data.sampler import Counts
 from jointsdf.losses.schedule import Schedule
 from jointsdf.model.field import JointField
 from jointsdf.model.heads import HEADS
 from jointsdf.module import JointSDFModule, merged_needs
-from jointsdf.sampling import Counts
 from jointsdf.values import Samples, Shape
 
 CONF = Path(__file__).parents[1] / "conf"

@@ -10,7 +10,7 @@ from numpy.random import Generator
 from scipy.spatial import KDTree
 from torch import Tensor
 
-from jointsdf.cloud import STEPS, Cloud, stream
+from jointsdf.data.point_cloud import STEPS, Cloud, stream
 from jointsdf.errors import InputError
 from jointsdf.values import BOX, Samples
 

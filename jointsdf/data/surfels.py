@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from jointsdf.free_space import FreeSpace
+from jointsdf.data.free_space import FreeSpace
 from jointsdf.geometry.face_graph import components
 from jointsdf.values import BOX
 

@@ -10,11 +10,11 @@ from lightning import LightningDataModule
 from numpy import ndarray
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from jointsdf.cloud import Cloud, pool_points
+from jointsdf.data.point_cloud import Cloud, pool_points
+from jointsdf.data.sampler import Counts, Sampler
+from jointsdf.data.surfels import Surfels
 from jointsdf.errors import InputError
 from jointsdf.geometry.distance import ExactDistance
-from jointsdf.sampling import Counts, Sampler
-from jointsdf.surfels import Surfels
 from jointsdf.values import Normalisation, Samples, Shape
 
 log = logging.getLogger(__name__)

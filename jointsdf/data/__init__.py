@@ -1,0 +1,1 @@
+"""Ground truth -> training points of every step."""
