@@ -13,7 +13,7 @@ from numpy import ndarray
 from torch.utils.tensorboard import SummaryWriter
 
 from jointsdf.evaluation import GroundTruth, Protocol
-from jointsdf.extraction import Extraction
+from jointsdf.extraction.extractor import Extraction
 from jointsdf.model.field import JointField
 from jointsdf.module import JointSDFModule
 from jointsdf.values import LabelledMesh

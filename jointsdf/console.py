@@ -38,7 +38,7 @@ def quiet_libraries() -> None:
         library.setLevel(logging.ERROR)
     for unasked in ("hydra", "hydra_plugins", "trimesh", "matplotlib", "PIL", "py.warnings", "tensorboard"):
         logging.getLogger(unasked).setLevel(logging.ERROR)
-    logging.getLogger("jointsdf.extraction").setLevel(logging.WARNING)  # it speaks for every preview
+    logging.getLogger("jointsdf.extraction.extractor").setLevel(logging.WARNING)  # it speaks for every preview
     warnings.filterwarnings("ignore", module="lightning")
 
 

@@ -17,6 +17,7 @@ from jointsdf import assembly
 from jointsdf.board import log_result
 from jointsdf.companions import companions
 from jointsdf.evaluation import GroundTruth, Scores
+from jointsdf.extraction.resolution import settled
 from jointsdf.fitting import board_of, fit, save_field
 from jointsdf.machine import keep_freed_memory, peak_memory_mb, reset_peak_memory
 from jointsdf.model.field import JointField
@@ -27,7 +28,6 @@ from jointsdf.runs import status as run_state
 from jointsdf.runs.provenance import code_state, provenance
 from jointsdf.runs.reuse import known_row
 from jointsdf.runs.row import ResultRow, config_hash, write_row
-from jointsdf.settling import settled
 from jointsdf.shapes.mesh_report import MeshReport, mesh_report
 from jointsdf.summary import files_to_open, in_words, summary
 from jointsdf.threads import large_pieces

@@ -55,7 +55,9 @@ def call(script: str, *arguments: object) -> Answer:
     written = io.StringIO()
     thumbnail = partial(compare, width=96, height=72)  # pictures are most of a quick run's time
     handler = logging.StreamHandler(written)
-    root, quieted, phases = (logging.getLogger(name) for name in (None, "jointsdf.extraction", "jointsdf.phases"))
+    root, quieted, phases = (
+        logging.getLogger(name) for name in (None, "jointsdf.extraction.extractor", "jointsdf.phases")
+    )
     before = sys.argv, root.level, quieted.level, phases.level
     sys.argv = [str(ROOT / script), *map(str, arguments)]
     root.addHandler(handler)

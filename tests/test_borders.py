@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from numpy import ndarray
 
-from jointsdf.borders import NEAREST_CUT, majority, split
+from jointsdf.extraction.face_labels import NEAREST_CUT, majority, split
 
 
 def areas_by_label(vertices: ndarray, faces: ndarray, labels: ndarray) -> dict[int, float]:

@@ -11,7 +11,7 @@ import pytest
 from jointsdf import companions as module
 from jointsdf.companions import ceiling_mesh, companions
 from jointsdf.evaluation import GroundTruth, Protocol
-from jointsdf.extraction import Extraction
+from jointsdf.extraction.extractor import Extraction
 from jointsdf.metrics.chamfer import Chamfer
 from jointsdf.metrics.exact_labels import ExactLabels
 from jointsdf.values import Normalisation, Shape

@@ -12,12 +12,12 @@ from scipy.spatial import KDTree
 from skimage.measure import marching_cubes
 from torch import Tensor, nn
 
-from jointsdf import search
 from jointsdf.errors import InputError
-from jointsdf.extraction import Extraction, Surface
-from jointsdf.following import NOTHING, Pairs
-from jointsdf.grid import Grid
-from jointsdf.octants import Believed, Skipped
+from jointsdf.extraction import active_cells as search
+from jointsdf.extraction.continuation import NOTHING, Pairs
+from jointsdf.extraction.extractor import Extraction, Surface
+from jointsdf.extraction.pruning import Believed, Skipped
+from jointsdf.extraction.sparse_grid import Grid
 from jointsdf.values import BOX, Normalisation
 
 Sdf = Callable[[np.ndarray], np.ndarray]
@@ -213,7 +213,7 @@ def test_checks_find_what_the_slope_between_lattice_points_does_not_foretell(
     sparse = Extraction(128).surface(sdf)
     assert_same(sparse, dense)
     assert sparse.evaluated < 0.5
-    monkeypatch.setattr("jointsdf.search._check", unchecked)
+    monkeypatch.setattr("jointsdf.extraction.active_cells._check", unchecked)
     assert len(Extraction(128).surface(sdf).faces) < len(dense.faces), "no test of the checks: found without them"
 
 
@@ -257,7 +257,7 @@ def test_where_interpolation_misleads_a_failed_check_takes_it_back(monkeypatch: 
         return int(as_trimesh(Extraction(128).surface(sdf)).body_count) - 1
 
     found = pockets()
-    monkeypatch.setattr("jointsdf.search._check", unchecked)
+    monkeypatch.setattr("jointsdf.extraction.active_cells._check", unchecked)
     assert pockets() == 0, "no test of the checks: found without them"
     assert found > len(centres) / 3
 
@@ -271,7 +271,7 @@ def test_every_ball_around_a_point_of_the_coarse_lattice_is_found(
     lines = stride * np.arange(3, resolution // stride - 3, 6)
     centres = np.stack(np.meshgrid(lines, lines, lines), axis=-1).reshape(-1, 3) * cell - BOX
     tree = KDTree(centres)
-    monkeypatch.setattr("jointsdf.search._check", unchecked)
+    monkeypatch.setattr("jointsdf.extraction.active_cells._check", unchecked)
     surface = Extraction(resolution).surface(lambda points: np.clip(tree.query(points)[0] / cell - 1.5, -0.2, 0.5))
     mesh = as_trimesh(surface)
     assert mesh.body_count == len(centres) >= 8
@@ -305,7 +305,7 @@ def test_what_a_check_met_is_in_the_mesh(monkeypatch: pytest.MonkeyPatch) -> Non
 
 @pytest.mark.parametrize("resolution", [129, 130, 133, 256, 740])  # 256: the last blocks are 7 of 8 cells deep
 def test_a_plane_needs_no_second_look(resolution: int, caplog: pytest.LogCaptureFixture) -> None:
-    caplog.set_level(logging.DEBUG, "jointsdf.search")
+    caplog.set_level(logging.DEBUG, "jointsdf.extraction.active_cells")
     normal = np.array([0.36, 0.48, 0.8])
     surface = Extraction(resolution).surface(lambda points: points @ normal - 0.1)
     assert "checks failed" not in caplog.text

@@ -11,9 +11,9 @@ from command_line import train
 
 from jointsdf import experiment
 from jointsdf.board import extract
-from jointsdf.extraction import Extraction
+from jointsdf.extraction.extractor import Extraction
+from jointsdf.extraction.resolution import FEWEST, close_faces, pieces_and_handles, settled
 from jointsdf.model.field import JointField
-from jointsdf.settling import FEWEST, close_faces, pieces_and_handles, settled
 from jointsdf.values import BOX
 
 Sdf = Callable[[np.ndarray], np.ndarray]
@@ -88,7 +88,7 @@ def test_where_all_is_thin_the_grid_that_holds_it_together_is_taken() -> None:
 def test_what_no_grid_can_show_is_said(
     most: int, resolution: int, reason: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("jointsdf.settling.MOST", most)
+    monkeypatch.setattr("jointsdf.extraction.resolution.MOST", most)
     extraction, _ = settled(Extraction(32), slit(0.8), (32, 48))
     assert extraction == Extraction(resolution)
     [warning] = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
@@ -100,7 +100,7 @@ def test_what_no_grid_can_show_is_said(
 
 @pytest.mark.parametrize(("close", "resolution"), [(FEWEST - 1, 32), (FEWEST, 48)])
 def test_a_few_close_faces_are_slivers(close: int, resolution: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jointsdf.settling.close_faces", lambda _, at: close if at == 32 else 0)
+    monkeypatch.setattr("jointsdf.extraction.resolution.close_faces", lambda _, at: close if at == 32 else 0)
     assert settled(Extraction(32), fin(0.9), LADDER)[0] == Extraction(resolution)
 
 

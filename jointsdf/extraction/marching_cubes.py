@@ -5,7 +5,7 @@ from jaxtyping import Bool, Float, Float32, Int
 from numpy import ndarray
 from skimage.measure import marching_cubes
 
-from jointsdf.grid import UNKNOWN, Grid
+from jointsdf.extraction.sparse_grid import UNKNOWN, Grid
 from jointsdf.values import BOX
 
 THICKNESS = 32  # cells of a slab at least: bounds the memory, and one call costs little beside so many cells

@@ -30,9 +30,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from jointsdf.following import NOTHING, Pairs, across_lattice, add_between, follow
-from jointsdf.grid import CORNERS, Grid
-from jointsdf.octants import (
+from jointsdf.extraction.continuation import NOTHING, Pairs, across_lattice, add_between, follow
+from jointsdf.extraction.pruning import (
     Believed,
     Halved,
     Skipped,
@@ -44,6 +43,7 @@ from jointsdf.octants import (
     of_lattice,
     rows,
 )
+from jointsdf.extraction.sparse_grid import CORNERS, Grid
 
 log = logging.getLogger(__name__)
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from jointsdf.grid import CORNERS, Grid
+from jointsdf.extraction.sparse_grid import CORNERS, Grid
 
 FOLLOWED = 4  # cells along an edge of the blocks that are added where the surface leaves the cells found
 TOGETHER = 1 << 17  # cells, or points, handled at once

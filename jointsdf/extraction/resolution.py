@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from jointsdf.extraction import Extraction, Surface
+from jointsdf.extraction.extractor import Extraction, Surface
+from jointsdf.extraction.sparse_grid import Sdf
 from jointsdf.geometry.mesh import face_normals, ray_hits
-from jointsdf.grid import Sdf
 from jointsdf.metrics.topology import topology
 from jointsdf.shapes.mesh_report import LADDER
 from jointsdf.values import BOX, LabelledMesh

@@ -11,11 +11,11 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.borders import Label, majority, split
 from jointsdf.errors import InputError
-from jointsdf.grid import Grid, Sdf
-from jointsdf.marching import march
-from jointsdf.search import cells_near_surface
+from jointsdf.extraction.active_cells import cells_near_surface
+from jointsdf.extraction.face_labels import Label, majority, split
+from jointsdf.extraction.marching_cubes import march
+from jointsdf.extraction.sparse_grid import Grid, Sdf
 from jointsdf.values import LabelledMesh, Normalisation
 
 log = logging.getLogger(__name__)

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.ndimage import maximum_filter
 
-from jointsdf.grid import CORNERS, Grid
+from jointsdf.extraction.sparse_grid import CORNERS, Grid
 
 SAFETY = 1.25  # on the steepest slope, and the largest distance from interpolation, seen: to bound those not seen
 ROUNDING = np.float32(1e-6)  # of the field's float32: smaller distances from interpolation tell nothing

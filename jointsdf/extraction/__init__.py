@@ -1,0 +1,1 @@
+"""A field -> a part-labelled triangle mesh, by marching cubes near its zero level set."""
