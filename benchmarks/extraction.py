@@ -18,8 +18,8 @@ from numpy import ndarray
 from benchmarks.scene import composed, fitted, measured
 from benchmarks.table import Row, interleaved, machine
 from jointsdf.extraction.extractor import Extraction, Surface
-from jointsdf.machine import keep_freed_memory, peak_memory_mb, reset_peak_memory
 from jointsdf.model.field import JointField
+from jointsdf.training.hardware import keep_freed_memory, peak_memory_mb, reset_peak_memory
 from jointsdf.values import BOX, LabelledMesh
 
 CHUNK = 5000  # of the released code

@@ -20,11 +20,11 @@ from benchmarks.scene import built, composed, measured
 from benchmarks.step import total
 from benchmarks.table import Row, machine
 from jointsdf import assembly
-from jointsdf.fitting import fit
-from jointsdf.machine import keep_freed_memory
-from jointsdf.module import JointSDFModule, merged_needs
 from jointsdf.optimizers import MuonAdam
 from jointsdf.threads import large_pieces
+from jointsdf.training.fit import fit
+from jointsdf.training.hardware import keep_freed_memory
+from jointsdf.training.module import JointSDFModule, merged_needs
 from jointsdf.values import Samples
 
 ROOT = Path(__file__).parents[1]

@@ -15,8 +15,8 @@ from benchmarks.fit import one_step
 from benchmarks.scene import built, composed, measured
 from benchmarks.table import Row, machine
 from jointsdf import assembly
-from jointsdf.fitting import fit
 from jointsdf.threads import large_pieces
+from jointsdf.training.fit import fit
 
 TARGET = 0.05
 

@@ -10,10 +10,10 @@ from omegaconf import DictConfig
 
 from jointsdf import assembly
 from jointsdf.data.datamodule import ShapeDataModule
-from jointsdf.fitting import fit
-from jointsdf.module import JointSDFModule
-from jointsdf.products import Products, chosen
 from jointsdf.threads import large_pieces
+from jointsdf.training.fit import fit
+from jointsdf.training.matrix_products import Products, chosen
+from jointsdf.training.module import JointSDFModule
 from jointsdf.values import LabelledMesh, Shape
 
 CONF = Path(__file__).parents[1] / "conf"

@@ -14,7 +14,7 @@ from benchmarks import released
 from benchmarks.scene import built, composed, measured
 from benchmarks.table import Row, interleaved, machine
 from jointsdf.losses import Term
-from jointsdf.module import JointSDFModule, merged_needs
+from jointsdf.training.module import JointSDFModule, merged_needs
 from jointsdf.values import Samples, Step
 
 PASSES = {True: 3 + 6 + 12, False: 3 + 6 + 6}  # of matrix products over a point set: uniform, surface, near; with ODW

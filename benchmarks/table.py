@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import torch
 
-from jointsdf import products
-from jointsdf.machine import KEPT_FREE, LARGEST_KEPT, keep_freed_memory
+from jointsdf.training import matrix_products as products
+from jointsdf.training.hardware import KEPT_FREE, LARGEST_KEPT, keep_freed_memory
 
 GLIBC_KEEPS = 2 * LARGEST_KEPT  # where its own rule ends up once pieces of the largest size have been freed
 

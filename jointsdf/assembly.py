@@ -25,10 +25,10 @@ from jointsdf.evaluation import Protocol
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.geometry.mesh import relative_area
 from jointsdf.model.field import JointField
-from jointsdf.module import JointSDFModule
-from jointsdf.products import CHOICES, Products
 from jointsdf.runs import folder as run_folder
 from jointsdf.shapes.mesh_report import LADDER
+from jointsdf.training.matrix_products import CHOICES, Products
+from jointsdf.training.module import JointSDFModule
 from jointsdf.values import Shape
 from jointsdf.viewing.render import compare
 

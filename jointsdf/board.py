@@ -15,7 +15,7 @@ from torch.utils.tensorboard import SummaryWriter
 from jointsdf.evaluation import GroundTruth, Protocol
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.model.field import JointField
-from jointsdf.module import JointSDFModule
+from jointsdf.training.module import JointSDFModule
 from jointsdf.values import LabelledMesh
 from jointsdf.viewing.export import fits_tensorboard, tensorboard_mesh
 

@@ -18,11 +18,8 @@ from jointsdf.board import log_result
 from jointsdf.companions import companions
 from jointsdf.evaluation import GroundTruth, Scores
 from jointsdf.extraction.resolution import settled
-from jointsdf.fitting import board_of, fit, save_field
-from jointsdf.machine import keep_freed_memory, peak_memory_mb, reset_peak_memory
 from jointsdf.model.field import JointField
 from jointsdf.phases import phase, tell
-from jointsdf.products import use_matmul
 from jointsdf.runs import folder as run_folder
 from jointsdf.runs import status as run_state
 from jointsdf.runs.provenance import code_state, provenance
@@ -31,6 +28,9 @@ from jointsdf.runs.row import ResultRow, config_hash, write_row
 from jointsdf.shapes.mesh_report import MeshReport, mesh_report
 from jointsdf.summary import files_to_open, in_words, summary
 from jointsdf.threads import large_pieces
+from jointsdf.training.fit import board_of, fit, save_field
+from jointsdf.training.hardware import keep_freed_memory, peak_memory_mb, reset_peak_memory
+from jointsdf.training.matrix_products import use_matmul
 from jointsdf.values import LabelledMesh, Normalisation, Shape
 from jointsdf.viewing.export import write_mesh
 from jointsdf.viewing.render import compare, write_png

@@ -32,7 +32,12 @@ from jointsdf.runs.row import ROW_FILE
 
 log = logging.getLogger(__name__)
 
-SPEAKS_OF_ONE_RUN = ("jointsdf.experiment", "jointsdf.shapes.mesh_report", "jointsdf.products", "jointsdf.phases")
+SPEAKS_OF_ONE_RUN = (
+    "jointsdf.experiment",
+    "jointsdf.shapes.mesh_report",
+    "jointsdf.training.matrix_products",
+    "jointsdf.phases",
+)
 PLAIN = ("shape", "seed")  # values on which nothing else in a config depends
 
 

@@ -12,7 +12,7 @@ from command_line import ROOT, Answer, call
 
 from jointsdf import experiment
 from jointsdf.model.field import JointField
-from jointsdf.module import JointSDFModule
+from jointsdf.training.module import JointSDFModule
 
 pytestmark = pytest.mark.filterwarnings("default")
 STORED = Path(__file__).parent / "stored"  # two run folders of commit b856a11, one stopped in its fit

@@ -18,8 +18,8 @@ import yaml
 from command_line import PLACE, QUICK, ROOT, call, train
 
 from jointsdf.model.field import JointField
-from jointsdf.module import JointSDFModule
 from jointsdf.shapes.builtin import BUILTINS
+from jointsdf.training.module import JointSDFModule
 
 pytestmark = pytest.mark.filterwarnings("default")
 BOX_FACES = 12
@@ -224,7 +224,11 @@ def no_space(*_):
 
 @pytest.mark.parametrize(
     "target",
-    ["jointsdf.runs.row.os.replace", "jointsdf.callbacks.os.replace", "jointsdf.viewing.export.Path.write_bytes"],
+    [
+        "jointsdf.runs.row.os.replace",
+        "jointsdf.training.checkpoints.os.replace",
+        "jointsdf.viewing.export.Path.write_bytes",
+    ],
 )
 def test_a_full_disk_is_one_line_and_leaves_no_result(tmp_path, monkeypatch, target):
     with monkeypatch.context() as patch:

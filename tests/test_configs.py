@@ -16,7 +16,7 @@ from jointsdf.data.datamodule import ShapeDataModule
 from jointsdf.data.sampler import Counts
 from jointsdf.model.heads import HEADS
 from jointsdf.model.trunk import SirenTrunk
-from jointsdf.module import JointSDFModule
+from jointsdf.training.module import JointSDFModule
 
 CONF = Path(__file__).parents[1] / "conf"
 CHOICES = sorted(f"{path.parent.relative_to(CONF)}={path.stem}" for path in CONF.glob("*/**/*.yaml"))

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from jointsdf.machine import keep_freed_memory, peak_memory_mb, reset_peak_memory
+from jointsdf.training.hardware import keep_freed_memory, peak_memory_mb, reset_peak_memory
 
 STEPS = """
 import sys, torch

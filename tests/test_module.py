@@ -21,8 +21,8 @@ from jointsdf.losses.weingarten import Weingarten
 from jointsdf.model.derivatives import Mixed
 from jointsdf.model.field import JointField
 from jointsdf.model.trunk import SirenTrunk
-from jointsdf.module import JointSDFModule, NonFiniteLossError, merged_needs
 from jointsdf.optimizers import MuonAdam, parameter_groups
+from jointsdf.training.module import JointSDFModule, NonFiniteLossError, merged_needs
 from jointsdf.values import Samples, Step
 
 BuildField = Callable[..., JointField]

@@ -7,7 +7,7 @@ from numpy.polynomial import Polynomial
 
 from jointsdf.errors import InputError
 from jointsdf.optimizers import ITERATIONS, Muon, MuonAdam, orthogonalised
-from jointsdf.products import Products
+from jointsdf.training.matrix_products import Products
 
 SHAPES = [(3, 20, 20), (1, 30, 12), (2, 12, 30)]
 REACHED = {"five": (0.002, 0.68, 1.22), "four": (0.003, 0.80, 1.20), "three": (0.01, 0.73, 1.27)}

@@ -10,8 +10,8 @@ from unittest import mock
 import pytest
 import torch
 
-from jointsdf import products as module
-from jointsdf.products import Products, Sizes, Trial, choose, chosen, compared, noted, use_matmul
+from jointsdf.training import matrix_products as module
+from jointsdf.training.matrix_products import Products, Sizes, Trial, choose, chosen, compared, noted, use_matmul
 
 SIZES = Sizes(300, 32, 2, torch.device("cpu"))
 AUTO = Products("auto", "auto", "auto")

@@ -12,8 +12,8 @@ import torch
 from command_line import PLACE, QUICK, ROOT, finished, train
 
 from jointsdf import experiment
-from jointsdf.callbacks import Checkpoints
-from jointsdf.module import JointSDFModule
+from jointsdf.training.checkpoints import Checkpoints
+from jointsdf.training.module import JointSDFModule
 
 pytestmark = pytest.mark.filterwarnings("default")
 TEN = ("trainer.max_steps=10", "trainer.log_every=5")

@@ -16,7 +16,7 @@ from jointsdf.model.derivatives import Mixed, autograd_gradient, autograd_mixed,
 from jointsdf.model.field import JointField
 from jointsdf.model.fused.evaluate import Evaluation, evaluate
 from jointsdf.model.trunk import SirenTrunk
-from jointsdf.module import JointSDFModule, merged_needs
+from jointsdf.training.module import JointSDFModule, merged_needs
 from jointsdf.values import FieldValues, Samples, Step
 
 CONF = str(Path(__file__).parents[1] / "conf")

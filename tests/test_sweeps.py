@@ -20,10 +20,10 @@ from omegaconf import OmegaConf
 
 from jointsdf import assembly, sweep
 from jointsdf.model.heads.relu import ReluHead
-from jointsdf.module import JointSDFModule
 from jointsdf.runs import status as run_state
 from jointsdf.runs.row import config_hash
 from jointsdf.study.__main__ import main as study
+from jointsdf.training.module import JointSDFModule
 
 pytestmark = pytest.mark.filterwarnings("default")
 SWEEPS = sorted(path.stem for path in (ROOT / "sweeps").glob("*.yaml"))

@@ -17,7 +17,7 @@ from jointsdf.data.sampler import Counts
 from jointsdf.losses.schedule import Schedule
 from jointsdf.model.field import JointField
 from jointsdf.model.heads import HEADS
-from jointsdf.module import JointSDFModule, merged_needs
+from jointsdf.training.module import JointSDFModule, merged_needs
 from jointsdf.values import Samples, Shape
 
 CONF = Path(__file__).parents[1] / "conf"

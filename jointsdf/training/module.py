@@ -22,8 +22,8 @@ from jointsdf.model.field import JointField
 from jointsdf.model.fused.evaluate import Evaluation, evaluate
 from jointsdf.model.fused.pieces import in_pieces
 from jointsdf.optimizers import Group, MuonAdam, parameter_groups
-from jointsdf.products import Products, Sizes
 from jointsdf.threads import MOST
+from jointsdf.training.matrix_products import Products, Sizes
 from jointsdf.values import FieldValues, Samples, Step
 
 

@@ -16,14 +16,14 @@ from lightning.pytorch.callbacks import LearningRateMonitor
 from lightning.pytorch.loggers import TensorBoardLogger
 from torch.utils.tensorboard import SummaryWriter
 
-from jointsdf.callbacks import Checkpoints, Progress, stored
 from jointsdf.errors import InputError
 from jointsdf.model.field import JointField
-from jointsdf.module import JointSDFModule
-from jointsdf.products import Products, machine_kind, noted, used
 from jointsdf.runs.folder import BOARD, CHECKPOINT
 from jointsdf.runs.status import report
 from jointsdf.threads import workers
+from jointsdf.training.checkpoints import Checkpoints, Progress, stored
+from jointsdf.training.matrix_products import Products, machine_kind, noted, used
+from jointsdf.training.module import JointSDFModule
 
 log = logging.getLogger(__name__)
 

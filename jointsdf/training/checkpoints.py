@@ -16,8 +16,8 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 
 from jointsdf.errors import InputError
-from jointsdf.module import JointSDFModule
 from jointsdf.phases import tell
+from jointsdf.training.module import JointSDFModule
 
 TELL_SECONDS = 0.2
 

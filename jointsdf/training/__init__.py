@@ -1,0 +1,1 @@
+"""Optimisation of one field: objective, loop, checkpoints, matrix products."""
