@@ -21,7 +21,7 @@ from jointsdf.data.datamodule import ShapeDataModule
 from jointsdf.data.point_cloud import Cloud
 from jointsdf.data.sampler import Counts
 from jointsdf.errors import InputError, first_line
-from jointsdf.evaluation import Protocol
+from jointsdf.evaluation.protocol import Protocol
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.geometry.mesh import relative_area
 from jointsdf.model.field import JointField

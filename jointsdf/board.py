@@ -12,7 +12,7 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from numpy import ndarray
 from torch.utils.tensorboard import SummaryWriter
 
-from jointsdf.evaluation import GroundTruth, Protocol
+from jointsdf.evaluation.protocol import GroundTruth, Protocol
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.model.field import JointField
 from jointsdf.training.module import JointSDFModule

@@ -15,8 +15,8 @@ from omegaconf import DictConfig
 
 from jointsdf import assembly
 from jointsdf.board import log_result
-from jointsdf.companions import companions
-from jointsdf.evaluation import GroundTruth, Scores
+from jointsdf.evaluation.protocol import GroundTruth, Scores
+from jointsdf.evaluation.reference_scores import companions
 from jointsdf.extraction.resolution import settled
 from jointsdf.model.field import JointField
 from jointsdf.phases import phase, tell

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import trimesh
 
-from jointsdf.evaluation import Protocol, bounding_frame
+from jointsdf.evaluation.protocol import Protocol, bounding_frame
 from jointsdf.runs.row import ResultRow
 from jointsdf.values import LabelledMesh
 

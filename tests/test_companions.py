@@ -8,9 +8,9 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from jointsdf import companions as module
-from jointsdf.companions import ceiling_mesh, companions
-from jointsdf.evaluation import GroundTruth, Protocol
+from jointsdf.evaluation import reference_scores as module
+from jointsdf.evaluation.protocol import GroundTruth, Protocol
+from jointsdf.evaluation.reference_scores import ceiling_mesh, companions
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.metrics.chamfer import Chamfer
 from jointsdf.metrics.exact_labels import ExactLabels

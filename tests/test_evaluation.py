@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chisquare
 
 from jointsdf.errors import InputError
-from jointsdf.evaluation import GroundTruth, Protocol, bounding_frame, sample_surface
+from jointsdf.evaluation.protocol import GroundTruth, Protocol, bounding_frame, sample_surface
 from jointsdf.metrics import project
 from jointsdf.metrics.chamfer import Chamfer
 from jointsdf.metrics.exact_labels import ExactLabels

@@ -12,7 +12,7 @@ from sklearn.metrics import accuracy_score, confusion_matrix, jaccard_score
 from torchmetrics.functional.classification import multiclass_jaccard_index
 
 from jointsdf.errors import InputError
-from jointsdf.evaluation import sample_surface
+from jointsdf.evaluation.protocol import sample_surface
 from jointsdf.geometry.mesh import border_edges
 from jointsdf.metrics import confusion, label_scores, match, project
 from jointsdf.metrics.boundary import Boundary, points_along

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from study_rows import make_row
 
-from jointsdf.evaluation import Protocol
+from jointsdf.evaluation.protocol import Protocol
 from jointsdf.summary import in_words
 from jointsdf.values import LabelledMesh
 

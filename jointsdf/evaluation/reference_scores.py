@@ -7,7 +7,7 @@ from importlib import metadata
 from pathlib import Path
 
 from jointsdf.data.datamodule import network_distance
-from jointsdf.evaluation import GroundTruth, Scores
+from jointsdf.evaluation.protocol import GroundTruth, Scores
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.runs.row import config_hash, write_atomically
 from jointsdf.values import LabelledMesh, Normalisation, Shape

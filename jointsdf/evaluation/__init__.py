@@ -1,0 +1,1 @@
+"""Scores of a reconstruction, and the reference scores that they are read against."""
