@@ -18,9 +18,10 @@ import pytest
 import trimesh
 from test_step import METRE, NEEDS_READER, step_boxes
 
-from jointsdf import preparation, shapes
+from jointsdf import abc_dataset as preparation
+from jointsdf import shapes
+from jointsdf.abc_dataset import archive, chunks, command, convert, download, members
 from jointsdf.errors import InputError
-from jointsdf.preparation import archive, chunks, command, convert, download, members
 from jointsdf.shapes import abc
 
 ABC = Path(os.environ.get("JOINTSDF_ABC", "absent"))

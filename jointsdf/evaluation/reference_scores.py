@@ -14,7 +14,7 @@ from jointsdf.values import LabelledMesh, Normalisation, Shape
 
 CHUNK = 1 << 18  # points asked of the exact distance at once: libigl makes a search tree in every call
 LIBRARIES = ("numpy", "scipy", "libigl", "scikit-image")
-PACKAGE = Path(__file__).parent
+PACKAGE = Path(__file__).parents[1]
 # Read at the start: what measures is what was loaded then, whatever is edited during a fit.
 CODE = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(PACKAGE.rglob("*.py")))).hexdigest()
 

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+from jointsdf.abc_dataset.download import FULL
+from jointsdf.abc_dataset.progress import Progress, silent
 from jointsdf.errors import InputError
-from jointsdf.preparation.download import FULL
-from jointsdf.preparation.progress import Progress, silent
 
 if TYPE_CHECKING:
     import py7zr

@@ -10,15 +10,15 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from jointsdf import preparation
+from jointsdf import abc_dataset as preparation
+from jointsdf.abc_dataset import archive, chunks, download, members
+from jointsdf.abc_dataset.progress import bars
 from jointsdf.errors import InputError
-from jointsdf.preparation import archive, chunks, download, members
-from jointsdf.preparation.progress import bars
 from jointsdf.shapes import abc
 
 FORMATS = ("step", "obj")
 
-log = logging.getLogger("jointsdf.preparation")
+log = logging.getLogger("jointsdf.abc_dataset")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -2,6 +2,6 @@
 
 import sys
 
-from jointsdf.preparation.command import main
+from jointsdf.abc_dataset.command import main
 
 sys.exit(main())

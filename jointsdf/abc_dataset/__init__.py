@@ -9,9 +9,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from jointsdf.abc_dataset import archive, chunks, convert, members
+from jointsdf.abc_dataset.progress import Progress, silent
 from jointsdf.errors import InputError
-from jointsdf.preparation import archive, chunks, convert, members
-from jointsdf.preparation.progress import Progress, silent
 from jointsdf.shapes import abc
 
 DONE, THERE, ABSENT, FAILED = "done", "already there", "not in this source", "failed"

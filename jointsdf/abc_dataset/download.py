@@ -13,9 +13,9 @@ import urllib.request
 from pathlib import Path
 from typing import BinaryIO
 
+from jointsdf.abc_dataset.chunks import Chunk
+from jointsdf.abc_dataset.progress import Progress, silent
 from jointsdf.errors import InputError
-from jointsdf.preparation.chunks import Chunk
-from jointsdf.preparation.progress import Progress, silent
 
 BLOCK = 1 << 20
 FULL = (errno.ENOSPC, errno.EDQUOT)
