@@ -7,7 +7,7 @@ from pathlib import Path
 import hydra
 from omegaconf import DictConfig, OmegaConf
 
-from jointsdf.console import quiet_libraries, user_errors
+from jointsdf.cli_logging import quiet_libraries, user_errors
 from jointsdf.errors import InputError
 from jointsdf.phases import phase
 
@@ -21,7 +21,7 @@ def evaluate(cfg: DictConfig) -> None:
     with user_errors(failed):
         quiet_libraries()
         with phase("start", "torch and lightning"):
-            from jointsdf.experiment import measure_again
+            from jointsdf.experiment.run import measure_again
         quiet_libraries()  # those that came with it as well
         if OmegaConf.is_missing(cfg, "run"):
             raise InputError("run= is missing; give a finished run's folder: run=outputs/fast/base/siren/part_01/seed0")

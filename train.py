@@ -8,8 +8,8 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
-from jointsdf import sweep
-from jointsdf.console import quiet_libraries, user_errors
+from jointsdf.cli_logging import quiet_libraries, user_errors
+from jointsdf.experiment import sweep
 from jointsdf.phases import phase
 
 failed: list[str] = []
@@ -22,7 +22,7 @@ def train(cfg: DictConfig) -> float | None:
     with user_errors(failed):
         quiet_libraries()
         with phase("start", "torch and lightning"):  # only after Hydra has accepted the command line
-            from jointsdf.experiment import run
+            from jointsdf.experiment.run import run
         quiet_libraries()
         if HydraConfig.get().mode is RunMode.MULTIRUN:
             return sweep.run_one(cfg)

@@ -19,7 +19,7 @@ from torch.nn.utils import clip_grad_norm_
 from benchmarks.scene import built, composed, measured
 from benchmarks.step import total
 from benchmarks.table import Row, machine
-from jointsdf import assembly
+from jointsdf.experiment import build as assembly
 from jointsdf.optimizers import MuonAdam
 from jointsdf.threads import large_pieces
 from jointsdf.training.fit import fit

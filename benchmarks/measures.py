@@ -8,9 +8,9 @@ from dataclasses import replace
 
 from benchmarks.scene import built, composed
 from benchmarks.table import Row, interleaved
-from jointsdf import assembly
 from jointsdf.evaluation.protocol import GroundTruth
 from jointsdf.evaluation.reference_scores import ceiling_mesh
+from jointsdf.experiment import build as assembly
 
 SECONDS = 1.0  # target
 

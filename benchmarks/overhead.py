@@ -14,7 +14,7 @@ import torch
 from benchmarks.fit import one_step
 from benchmarks.scene import built, composed, measured
 from benchmarks.table import Row, machine
-from jointsdf import assembly
+from jointsdf.experiment import build as assembly
 from jointsdf.threads import large_pieces
 from jointsdf.training.fit import fit
 

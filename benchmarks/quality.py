@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from benchmarks.scene import composed
 from benchmarks.table import Row
-from jointsdf.experiment import run
+from jointsdf.experiment.run import run
 from jointsdf.runs.row import ResultRow
 
 SHAPES = ("part_01", "part_12", "part_23")

@@ -8,8 +8,8 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig
 
-from jointsdf import assembly
 from jointsdf.data.datamodule import ShapeDataModule
+from jointsdf.experiment import build as assembly
 from jointsdf.threads import large_pieces
 from jointsdf.training.fit import fit
 from jointsdf.training.matrix_products import Products, chosen

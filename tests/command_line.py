@@ -14,7 +14,8 @@ from functools import cache, partial
 from pathlib import Path
 from unittest import mock
 
-from jointsdf import assembly, experiment
+from jointsdf.experiment import build as assembly
+from jointsdf.experiment import run as experiment
 from jointsdf.viewing.render import compare
 
 ROOT = Path(__file__).parents[1]

@@ -10,7 +10,7 @@ import pytest
 import torch
 from command_line import ROOT, Answer, call
 
-from jointsdf import experiment
+from jointsdf.experiment import run as experiment
 from jointsdf.model.field import JointField
 from jointsdf.training.module import JointSDFModule
 

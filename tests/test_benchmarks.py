@@ -12,7 +12,7 @@ from benchmarks import __main__ as command
 from benchmarks import extraction, fit, limits, measures, overhead, progress, quality, step
 from benchmarks.scene import composed
 from benchmarks.table import Row, interleaved, table
-from jointsdf.experiment import run
+from jointsdf.experiment.run import run
 from jointsdf.optimizers import ITERATIONS, orthogonalised
 
 SMALL = ("data.pool_size=2000", "data.cloud_size=2000", "data.border_points=2000", "extraction.resolution=24")

@@ -11,9 +11,9 @@ from hydra.errors import ConfigCompositionException
 from hydra.utils import get_object
 from omegaconf import DictConfig, OmegaConf
 
-from jointsdf import assembly
 from jointsdf.data.datamodule import ShapeDataModule
 from jointsdf.data.sampler import Counts
+from jointsdf.experiment import build as assembly
 from jointsdf.model.heads import HEADS
 from jointsdf.model.trunk import SirenTrunk
 from jointsdf.training.module import JointSDFModule

@@ -14,8 +14,8 @@ from command_line import PLACE, call, finished, train
 from PIL import Image
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from jointsdf import experiment
 from jointsdf.data.point_cloud import Cloud
+from jointsdf.experiment import run as experiment
 from jointsdf.losses.dirichlet import Dirichlet
 from jointsdf.model.field import JointField
 from jointsdf.shapes.builtin import BUILTINS

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from jointsdf import phases
-from jointsdf.console import Lines
+from jointsdf.cli_logging import Lines
 from jointsdf.phases import phase, run_named, tell
 
 
@@ -81,7 +81,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
     written = io.StringIO()
     screen = Console(file=written, force_terminal=True, width=100, color_system="standard")
     monkeypatch.setattr(phases, "console", screen)
-    monkeypatch.setattr("jointsdf.console.console", screen)
+    monkeypatch.setattr("jointsdf.cli_logging.console", screen)
     return written
 
 
@@ -106,7 +106,7 @@ def test_on_a_terminal_there_is_a_bar_and_log_lines_stand_above_it(terminal: io.
 
 def test_off_a_terminal_a_warning_says_so_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
     written = io.StringIO()
-    monkeypatch.setattr("jointsdf.console.console", Console(file=written, width=20))
+    monkeypatch.setattr("jointsdf.cli_logging.console", Console(file=written, width=20))
     logger = logging.Logger("apart")
     logger.addHandler(Lines())
     logger.warning("a line longer than the console is wide, [bold] and all")

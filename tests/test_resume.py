@@ -11,7 +11,7 @@ import pytest
 import torch
 from command_line import PLACE, QUICK, ROOT, finished, train
 
-from jointsdf import experiment
+from jointsdf.experiment import run as experiment
 from jointsdf.training.checkpoints import Checkpoints
 from jointsdf.training.module import JointSDFModule
 

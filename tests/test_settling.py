@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from command_line import train
 
-from jointsdf import experiment
-from jointsdf.board import extract
+from jointsdf.experiment import run as experiment
+from jointsdf.experiment.tensorboard import extract
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.extraction.resolution import FEWEST, close_faces, pieces_and_handles, settled
 from jointsdf.model.field import JointField

@@ -8,7 +8,7 @@ import trimesh
 from study_rows import make_row
 
 from jointsdf.evaluation.protocol import Protocol
-from jointsdf.summary import in_words
+from jointsdf.experiment.summary import in_words
 from jointsdf.values import LabelledMesh
 
 UNIT, OWN = Protocol("unit", 10, "truth", {}), Protocol("flatcad", 10, "own", {})

@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.optimize import linear_sum_assignment
 
-from jointsdf.assembly import stored_truth
 from jointsdf.errors import InputError
+from jointsdf.experiment.build import stored_truth
 from jointsdf.geometry.distance import ExactDistance
 from jointsdf.shapes.readers.mesh_file import painted
 from jointsdf.values import LabelledMesh, Shape

@@ -13,10 +13,11 @@ from jaxtyping import Float
 from numpy import ndarray
 from omegaconf import DictConfig
 
-from jointsdf import assembly
-from jointsdf.board import log_result
 from jointsdf.evaluation.protocol import GroundTruth, Scores
 from jointsdf.evaluation.reference_scores import companions
+from jointsdf.experiment import build as assembly
+from jointsdf.experiment.summary import files_to_open, in_words, summary
+from jointsdf.experiment.tensorboard import log_result
 from jointsdf.extraction.resolution import settled
 from jointsdf.model.field import JointField
 from jointsdf.phases import phase, tell
@@ -26,7 +27,6 @@ from jointsdf.runs.provenance import code_state, provenance
 from jointsdf.runs.reuse import known_row
 from jointsdf.runs.row import ResultRow, config_hash, write_row
 from jointsdf.shapes.mesh_report import MeshReport, mesh_report
-from jointsdf.summary import files_to_open, in_words, summary
 from jointsdf.threads import large_pieces
 from jointsdf.training.fit import board_of, fit, save_field
 from jointsdf.training.hardware import keep_freed_memory, peak_memory_mb, reset_peak_memory

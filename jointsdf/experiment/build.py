@@ -15,13 +15,13 @@ from omegaconf.errors import OmegaConfBaseException
 from torch.utils.tensorboard import SummaryWriter
 
 from jointsdf import shapes
-from jointsdf.board import Preview
-from jointsdf.checks import check, number_keys
 from jointsdf.data.datamodule import ShapeDataModule
 from jointsdf.data.point_cloud import Cloud
 from jointsdf.data.sampler import Counts
 from jointsdf.errors import InputError, first_line
 from jointsdf.evaluation.protocol import Protocol
+from jointsdf.experiment.config_checks import check, number_keys
+from jointsdf.experiment.tensorboard import Preview
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.geometry.mesh import relative_area
 from jointsdf.model.field import JointField

@@ -23,7 +23,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
-from jointsdf.console import one_line, quiet_libraries
+from jointsdf.cli_logging import one_line, quiet_libraries
 from jointsdf.errors import InputError
 from jointsdf.phases import phase, run_named
 from jointsdf.runs import status as run_state
@@ -33,7 +33,7 @@ from jointsdf.runs.row import ROW_FILE
 log = logging.getLogger(__name__)
 
 SPEAKS_OF_ONE_RUN = (
-    "jointsdf.experiment",
+    "jointsdf.experiment.run",
     "jointsdf.shapes.mesh_report",
     "jointsdf.training.matrix_products",
     "jointsdf.phases",
@@ -71,7 +71,7 @@ class Sweep(Callback):
         global driven
         quiet_libraries()
         with phase("start", "torch and lightning, then the runs of the sweep"):
-            from jointsdf.assembly import folder_of
+            from jointsdf.experiment.build import folder_of
         quiet_libraries()  # those that came with it as well
         _check_engine(config)
         folders = [folder_of(cfg) for cfg in _wanted_configs(config)]
@@ -93,8 +93,9 @@ def run_one(cfg: DictConfig, *, in_the_end: bool = False) -> float | None:
         in_the_end: Whether there is no other run left to go on with while another process works on this one. So it is
             in a process that drives no sweep, too.
     """
-    from jointsdf import assembly, experiment
-    from jointsdf.summary import summary
+    from jointsdf.experiment import build as assembly
+    from jointsdf.experiment import run as experiment
+    from jointsdf.experiment.summary import summary
 
     folder = None
     try:

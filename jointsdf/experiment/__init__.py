@@ -1,0 +1,1 @@
+"""One run or sweep, from a Hydra config to result rows."""
