@@ -17,7 +17,7 @@ from jointsdf.shapes import abc, load
 from jointsdf.shapes.builtin import BUILTINS
 from jointsdf.shapes.mesh_report import mesh_report
 from jointsdf.shapes.segmentation.hierarchy import hierarchy
-from jointsdf.study.tables import write_tables
+from jointsdf.study.tables.write import write_tables
 from jointsdf.values import LabelledMesh, Shape
 
 FACES, RUNS = 40_000, 1000

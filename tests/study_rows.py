@@ -7,7 +7,7 @@ import pandas as pd
 
 from jointsdf.runs.row import ResultRow, write_row
 from jointsdf.study.collect import gather
-from jointsdf.study.tables import write_tables
+from jointsdf.study.tables.write import write_tables
 
 NAN = math.nan
 

@@ -15,9 +15,9 @@ from jointsdf.runs.csv import label_kind, source_of
 from jointsdf.runs.row import ResultRow, write_row
 from jointsdf.study.__main__ import main
 from jointsdf.study.collect import collect
-from jointsdf.study.latex import best, cell, escape
 from jointsdf.study.statistics import Summary
-from jointsdf.study.tables import write_tables
+from jointsdf.study.tables.latex import best, cell, escape
+from jointsdf.study.tables.write import write_tables
 
 
 def results_with_the_paper(folder: Path) -> Path:

@@ -16,7 +16,7 @@ from jointsdf.study.drawing import Drawing, write_drawing
 from jointsdf.study.gaps import find_gaps
 from jointsdf.study.groups import SUFFIX, Group, families, shown_alone, split
 from jointsdf.study.plots import PLOTS
-from jointsdf.study.tables import FIGURES
+from jointsdf.study.tables.write import FIGURES
 
 log = logging.getLogger("jointsdf.figures")
 

@@ -11,7 +11,7 @@ from jointsdf.study.committed import commit_rows
 from jointsdf.study.groups import SUFFIX
 from jointsdf.study.report import compile_report
 from jointsdf.study.status import status
-from jointsdf.study.tables import write_tables
+from jointsdf.study.tables.write import write_tables
 
 log = logging.getLogger("jointsdf.study")
 

@@ -18,7 +18,7 @@ from numpy import ndarray
 
 from jointsdf.runs.row import write_atomically
 from jointsdf.study.groups import HEAD_ORDER
-from jointsdf.study.latex import escape
+from jointsdf.study.tables.latex import escape
 
 WIDTH = 7.0  # inches, of a page's text
 INK, PALE = "#222222", "#8a8a8a"

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from jointsdf.study.columns import Column
 from jointsdf.study.drawing import INK, PALE, dodge, look
 from jointsdf.study.groups import Comparison
-from jointsdf.study.main_tables import PART_COUNTS
 from jointsdf.study.statistics import per_shape
+from jointsdf.study.tables.columns import Column
+from jointsdf.study.tables.main import PART_COUNTS
 
 POINTS: dict[str, Any] = {"linestyle": "", "alpha": 0.75, "mew": 0}
 REFERENCES: dict[str, Any] = {"floor": "--", "ceiling": ":"}  # line styles

@@ -5,7 +5,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from jointsdf.study.captions import caption, measured_on
-from jointsdf.study.columns import (
+from jointsdf.study.drawing import INK, PALE, STYLE, Drawing, legend, look, panels
+from jointsdf.study.groups import Comparison, Group, compare
+from jointsdf.study.marks import REFERENCES, boxes, by_parts, scatter
+from jointsdf.study.statistics import per_shape, summarise
+from jointsdf.study.tables.columns import (
     ACC,
     CD_L1,
     CD_L1_OVER_FLOOR,
@@ -17,10 +21,6 @@ from jointsdf.study.columns import (
     SECONDS,
     Column,
 )
-from jointsdf.study.drawing import INK, PALE, STYLE, Drawing, legend, look, panels
-from jointsdf.study.groups import Comparison, Group, compare
-from jointsdf.study.marks import REFERENCES, boxes, by_parts, scatter
-from jointsdf.study.statistics import per_shape, summarise
 
 COMPARED = (CD_L1, CD_L1_OVER_FLOOR, NC, F1, MIOU, MIOU_EXACT, ACC, CONSISTENCY)
 ERRORS = ((CD_L1, MIOU), (CD_L1_OVER_FLOOR, MIOU_EXACT))

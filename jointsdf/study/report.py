@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from jointsdf.study.groups import Group
-from jointsdf.study.latex import escape
+from jointsdf.study.tables.latex import escape
 
 REPORT = "report.tex"
 ENGINES = ("pdflatex", "lualatex", "xelatex", "tectonic")

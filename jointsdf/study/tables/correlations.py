@@ -4,11 +4,11 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from jointsdf.study.columns import EXACT, PAPER, Column, Relation
 from jointsdf.study.groups import Comparison, Group, compare
-from jointsdf.study.latex import MISSING, cell, escape, number, p_value
 from jointsdf.study.statistics import Correlation, outer_quarters, pearson, per_shape, summarise
-from jointsdf.study.table import Table, finished, values_by_head
+from jointsdf.study.tables.columns import EXACT, PAPER, Column, Relation
+from jointsdf.study.tables.latex import MISSING, cell, escape, number, p_value
+from jointsdf.study.tables.table import Table, finished, values_by_head
 
 OVERALL, BEST = "overall", "best"
 

@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
-from jointsdf.study.columns import CONTRASTED, PAIRED, Column
 from jointsdf.study.groups import BASELINE, Comparison, Family, Group, compare, with_borrowed_baseline
-from jointsdf.study.latex import MISSING, cell, escape, number, p_value
 from jointsdf.study.statistics import Paired, holm, paired, summarise
-from jointsdf.study.table import Line, Table, in_blocks, values_by_head
+from jointsdf.study.tables.columns import CONTRASTED, PAIRED, Column
+from jointsdf.study.tables.latex import MISSING, cell, escape, number, p_value
+from jointsdf.study.tables.table import Line, Table, in_blocks, values_by_head
 
 TESTS = (
     "mean difference with its 95% confidence interval (Student's t), two-sided p of the paired t-test and of "

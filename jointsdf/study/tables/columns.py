@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from jointsdf.study.latex import Goal
+from jointsdf.study.tables.latex import Goal
 
 ARROWS = {"low": r" $\downarrow$", "high": r" $\uparrow$", "none": ""}
 

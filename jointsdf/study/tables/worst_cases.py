@@ -2,12 +2,12 @@
 
 import math
 
-from jointsdf.study.columns import RIGHT, WORST, Column
 from jointsdf.study.gaps import shortened
 from jointsdf.study.groups import Comparison, Group, compare
-from jointsdf.study.latex import MISSING, cell, escape, number
 from jointsdf.study.statistics import per_shape, summarise
-from jointsdf.study.table import Line, Table, in_blocks
+from jointsdf.study.tables.columns import RIGHT, WORST, Column
+from jointsdf.study.tables.latex import MISSING, cell, escape, number
+from jointsdf.study.tables.table import Line, Table, in_blocks
 
 NAMED = 5  # shapes; of more, the number of the others
 

@@ -9,14 +9,16 @@ from pathlib import Path
 
 from jointsdf.runs.csv import FILE, rows_to_csv
 from jointsdf.runs.row import ResultRow, write_atomically
-from jointsdf.study import main_tables, pairs, relations
-from jointsdf.study.against_paper import against_paper
 from jointsdf.study.collect import collect
 from jointsdf.study.gaps import find_gaps
 from jointsdf.study.groups import SUFFIX, Group, families, shown_alone, split
 from jointsdf.study.report import REPORT, report
-from jointsdf.study.table import Table
-from jointsdf.study.worst import worst
+from jointsdf.study.tables import correlations as relations
+from jointsdf.study.tables import main as main_tables
+from jointsdf.study.tables import paired_tests as pairs
+from jointsdf.study.tables.against_paper import against_paper
+from jointsdf.study.tables.table import Table
+from jointsdf.study.tables.worst_cases import worst
 
 FOLDER = "tables"
 ENDINGS = (".csv", ".tex")

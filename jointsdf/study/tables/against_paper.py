@@ -7,11 +7,11 @@ from typing import Any
 
 import pandas as pd
 
-from jointsdf.study.columns import AGAINST_PAPER, Column
 from jointsdf.study.groups import Comparison, Group, compare
-from jointsdf.study.latex import MISSING, cell, escape
 from jointsdf.study.statistics import Summary, per_shape, summarise
-from jointsdf.study.table import Line, Table, in_blocks
+from jointsdf.study.tables.columns import AGAINST_PAPER, Column
+from jointsdf.study.tables.latex import MISSING, cell, escape
+from jointsdf.study.tables.table import Line, Table, in_blocks
 
 log = logging.getLogger(__name__)
 
