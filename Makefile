@@ -62,7 +62,7 @@ test: setup ## The whole test suite, slow tests included; ARGS="-m 'not slow'" l
 
 test-slurm: setup ## The test of hydra/launcher=slurm, on a SLURM that it starts here; needs root and apt install slurm-wlm munge
 	$(RUN) -m pip install --quiet -c constraints.txt -e '.[slurm]'
-	JOINTSDF_TEST_SLURM=1 $(RUN) -m pytest tests/test_engines.py -k slurm $(ARGS)
+	JOINTSDF_TEST_SLURM=1 $(RUN) -m pytest tests/experiment/test_sweep_engines.py -k slurm $(ARGS)
 
 lint: setup ## ruff, mypy and the import contracts
 	$(RUN) -m ruff check .

@@ -14,8 +14,8 @@ import pandas as pd
 
 from jointsdf.errors import InputError
 from jointsdf.runs.folder import BOARD, read_config, stored_row
-from jointsdf.study.curves import read_curves
-from jointsdf.study.drawing import COLOURS, MARKERS, PNG_DPI, STYLE, panels
+from jointsdf.study.figures.loss_curves import read_curves
+from jointsdf.study.figures.style import COLOURS, MARKERS, PNG_DPI, STYLE, panels
 from jointsdf.study.tables.columns import CD_L1, MIOU, NC
 
 SHOWN = (CD_L1, NC, MIOU)

@@ -10,6 +10,22 @@ from jointsdf.study.collect import gather
 from jointsdf.study.tables.write import write_tables
 
 NAN = math.nan
+ROW = ResultRow(
+    study="fast",
+    variant="base",
+    recipe="fast",
+    head="siren",
+    shape="part_01",
+    seed=0,
+    status="ok",
+    steps=1200,
+    num_parts=7,
+    counts={"faces_gt": 1200, "parameters_trunk": 264449},
+    seconds={"fit": 41.5, "total": 60.0},
+    peak_memory_mb=812.25,
+    scores={"unit": {"cd_l1": 0.25, "iou_0": 0.97}, "flatcad": {"cd_l1": 0.31}},
+    provenance={"commit": "abc", "dirty": False, "label_provider": "builtin", "versions": {"torch": "2.13.0"}},
+)
 
 
 def make_row(

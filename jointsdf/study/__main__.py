@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from jointsdf.study.collect import gather
-from jointsdf.study.committed import commit_rows
-from jointsdf.study.groups import SUFFIX
-from jointsdf.study.report import compile_report
+from jointsdf.study.commit import commit_rows
+from jointsdf.study.comparisons import SUFFIX
+from jointsdf.study.document import compile_report
 from jointsdf.study.status import status
 from jointsdf.study.tables.write import write_tables
 

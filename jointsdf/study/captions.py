@@ -2,8 +2,8 @@
 
 import pandas as pd
 
-from jointsdf.study.gaps import listed, shortened
-from jointsdf.study.groups import BASELINE, Comparison
+from jointsdf.study.comparisons import BASELINE, Comparison
+from jointsdf.study.missing_runs import listed, shortened
 
 SOURCES = {"abc": "ABC shapes", "builtin": "built-in shapes", "file": "shapes from mesh files"}
 SEVERAL = "Seconds of different machines are averaged: "

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from jointsdf.study.groups import Comparison, Group, compare
+from jointsdf.study.comparisons import Comparison, Group, compare
 from jointsdf.study.statistics import Summary, per_shape, summarise
 from jointsdf.study.tables.columns import AGAINST_PAPER, Column
 from jointsdf.study.tables.latex import MISSING, cell, escape

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from jointsdf.study.groups import Comparison, Group, compare
+from jointsdf.study.comparisons import Comparison, Group, compare
 from jointsdf.study.statistics import Correlation, outer_quarters, pearson, per_shape, summarise
 from jointsdf.study.tables.columns import EXACT, PAPER, Column, Relation
 from jointsdf.study.tables.latex import MISSING, cell, escape, number, p_value

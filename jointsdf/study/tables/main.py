@@ -8,7 +8,7 @@ import pandas as pd
 
 from jointsdf.runs.csv import IOU
 from jointsdf.study.captions import SEVERAL, measured_on
-from jointsdf.study.groups import Comparison, Group, compare
+from jointsdf.study.comparisons import Comparison, Group, compare
 from jointsdf.study.statistics import pooled_deviation
 from jointsdf.study.tables.columns import BY_PART_COUNT, CONTRASTED, COST, RECONSTRUCTION, SEGMENTATION, Column
 from jointsdf.study.tables.latex import MISSING, cell, escape

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
-from jointsdf.study.groups import BASELINE, Comparison, Family, Group, compare, with_borrowed_baseline
+from jointsdf.study.comparisons import BASELINE, Comparison, Family, Group, compare, with_borrowed_baseline
 from jointsdf.study.statistics import Paired, holm, paired, summarise
 from jointsdf.study.tables.columns import CONTRASTED, PAIRED, Column
 from jointsdf.study.tables.latex import MISSING, cell, escape, number, p_value

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from jointsdf.study.captions import caption
-from jointsdf.study.groups import Comparison
+from jointsdf.study.comparisons import Comparison
 from jointsdf.study.statistics import Summary, per_shape, summarise
 from jointsdf.study.tables.columns import Column
 from jointsdf.study.tables.latex import Goal, best, cell, tabular

@@ -2,8 +2,8 @@
 
 import math
 
-from jointsdf.study.gaps import shortened
-from jointsdf.study.groups import Comparison, Group, compare
+from jointsdf.study.comparisons import Comparison, Group, compare
+from jointsdf.study.missing_runs import shortened
 from jointsdf.study.statistics import per_shape, summarise
 from jointsdf.study.tables.columns import RIGHT, WORST, Column
 from jointsdf.study.tables.latex import MISSING, cell, escape, number

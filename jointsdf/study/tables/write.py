@@ -10,9 +10,9 @@ from pathlib import Path
 from jointsdf.runs.csv import FILE, rows_to_csv
 from jointsdf.runs.row import ResultRow, write_atomically
 from jointsdf.study.collect import collect
-from jointsdf.study.gaps import find_gaps
-from jointsdf.study.groups import SUFFIX, Group, families, shown_alone, split
-from jointsdf.study.report import REPORT, report
+from jointsdf.study.comparisons import SUFFIX, Group, families, shown_alone, split
+from jointsdf.study.document import REPORT, report
+from jointsdf.study.missing_runs import find_gaps
 from jointsdf.study.tables import correlations as relations
 from jointsdf.study.tables import main as main_tables
 from jointsdf.study.tables import paired_tests as pairs

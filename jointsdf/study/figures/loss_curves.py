@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from jointsdf.study.captions import caption
-from jointsdf.study.drawing import STYLE, Drawing, legend, look, panels
-from jointsdf.study.groups import Comparison, Group, compare
+from jointsdf.study.comparisons import Comparison, Group, compare
+from jointsdf.study.figures.style import STYLE, Drawing, legend, look, panels
 
 BOARD, PREFIX, TOTAL = "tb", "loss/", "total"
 log = logging.getLogger(__name__)

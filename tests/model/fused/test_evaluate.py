@@ -19,7 +19,7 @@ from jointsdf.model.trunk import SirenTrunk
 from jointsdf.training.module import JointSDFModule, merged_needs
 from jointsdf.values import FieldValues, Samples, Step
 
-CONF = str(Path(__file__).parents[1] / "conf")
+CONF = str(Path(__file__).parents[3] / "conf")
 WANTED = ["value", "grad", "mixed"]
 Sizes = tuple[int, int, float, float]
 

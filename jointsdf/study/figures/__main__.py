@@ -1,4 +1,4 @@
-"""Command line of the figures: `python -m jointsdf.figures [outputs]` writes OUTPUTS/figures/*.pdf, *.png and *.tex."""
+"""Command line of the figures: `python -m jointsdf.figures [outputs]` writes OUTPUTS/figures/*.pdf, *.png, *.tex."""
 
 import argparse
 import logging
@@ -6,19 +6,19 @@ import sys
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
-from jointsdf.figures.pictures import failures, triptychs
 from jointsdf.runs.csv import DEFAULT_PROTOCOL
 from jointsdf.runs.row import ResultRow
 from jointsdf.study.__main__ import add_folders, add_heads
 from jointsdf.study.collect import collect, gather
-from jointsdf.study.curves import loss_curves
-from jointsdf.study.drawing import Drawing, write_drawing
-from jointsdf.study.gaps import find_gaps
-from jointsdf.study.groups import SUFFIX, Group, families, shown_alone, split
-from jointsdf.study.plots import PLOTS
+from jointsdf.study.comparisons import SUFFIX, Group, families, shown_alone, split
+from jointsdf.study.figures.loss_curves import loss_curves
+from jointsdf.study.figures.plots import PLOTS
+from jointsdf.study.figures.renderings import failures, triptychs
+from jointsdf.study.figures.style import Drawing, write_drawing
+from jointsdf.study.missing_runs import find_gaps
 from jointsdf.study.tables.write import FIGURES
 
-log = logging.getLogger("jointsdf.figures")
+log = logging.getLogger("jointsdf.study.figures")
 
 FROM_RUN_FOLDERS = {"triptychs": triptychs, "failures": failures, "loss_curves": loss_curves}
 

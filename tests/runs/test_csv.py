@@ -111,7 +111,7 @@ def test_committed_rows_fill_what_is_not_on_disk(tmp_path: Path, caplog: pytest.
 
 
 def test_the_committed_rows_of_this_repository_are_read(tmp_path: Path) -> None:
-    rows, problems = read_committed(Path(__file__).parents[1] / "results")
+    rows, problems = read_committed(Path(__file__).parents[2] / "results")
     assert problems == []
     assert len(rows) >= 140
     row = next(row for row in rows if (row.study, row.head, row.shape) == ("main", "siren", "abc_0049"))

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from numpy import ndarray
 
 from jointsdf.runs.row import write_atomically
-from jointsdf.study.groups import HEAD_ORDER
+from jointsdf.study.comparisons import HEAD_ORDER
 from jointsdf.study.tables.latex import escape
 
 WIDTH = 7.0  # inches, of a page's text

@@ -5,7 +5,7 @@ import subprocess
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from jointsdf.study.groups import Group
+from jointsdf.study.comparisons import Group
 from jointsdf.study.tables.latex import escape
 
 REPORT = "report.tex"

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from test_results import ROW
+from study_rows import ROW
 
 from jointsdf.runs import status as run_state
 from jointsdf.runs.csv import rows_from_csv

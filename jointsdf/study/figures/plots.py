@@ -5,9 +5,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from jointsdf.study.captions import caption, measured_on
-from jointsdf.study.drawing import INK, PALE, STYLE, Drawing, legend, look, panels
-from jointsdf.study.groups import Comparison, Group, compare
-from jointsdf.study.marks import REFERENCES, boxes, by_parts, scatter
+from jointsdf.study.comparisons import Comparison, Group, compare
+from jointsdf.study.figures.panels import REFERENCES, boxes, by_parts, scatter
+from jointsdf.study.figures.style import INK, PALE, STYLE, Drawing, legend, look, panels
 from jointsdf.study.statistics import per_shape, summarise
 from jointsdf.study.tables.columns import (
     ACC,

@@ -22,7 +22,7 @@ from jointsdf.study.tables.write import write_tables
 
 def results_with_the_paper(folder: Path) -> Path:
     """Committed results that hold the paper's numbers alone."""
-    shutil.copytree(Path(__file__).parents[1] / "results" / "paper", folder / "results" / "paper", dirs_exist_ok=True)
+    shutil.copytree(Path(__file__).parents[3] / "results" / "paper", folder / "results" / "paper", dirs_exist_ok=True)
     return folder / "results"
 
 

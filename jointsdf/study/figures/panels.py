@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from jointsdf.study.drawing import INK, PALE, dodge, look
-from jointsdf.study.groups import Comparison
+from jointsdf.study.comparisons import Comparison
+from jointsdf.study.figures.style import INK, PALE, dodge, look
 from jointsdf.study.statistics import per_shape
 from jointsdf.study.tables.columns import Column
 from jointsdf.study.tables.main import PART_COUNTS

@@ -1,9 +1,12 @@
 """What was made by earlier versions stays valid: committed rows, run folders, checkpoints, names that people typed."""
 
 import csv
+import importlib
 import json
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,6 +15,7 @@ from command_line import ROOT, Answer, call
 
 from jointsdf.experiment import run as experiment
 from jointsdf.model.field import JointField
+from jointsdf.moved_names import MOVED
 from jointsdf.training.module import JointSDFModule
 
 pytestmark = pytest.mark.filterwarnings("default")
@@ -100,3 +104,27 @@ def test_a_stopped_run_goes_on(tmp_path) -> None:
     )  # the same run in one go
     for name, value in whole.state_dict().items():
         torch.testing.assert_close(value, halves.state_dict()[name], rtol=1e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize(("old", "new"), MOVED.items())
+def test_a_name_of_before_is_the_module_of_now(old, new) -> None:
+    if not old.endswith("__main__"):
+        assert importlib.import_module(old) is importlib.import_module(new)
+        assert importlib.import_module(new).__spec__.name == new
+
+
+def test_what_is_in_a_moved_package_is_not_loaded_twice() -> None:
+    from jointsdf.heads.siren import SirenHead
+
+    from jointsdf.model.heads.siren import SirenHead as of_now
+
+    assert SirenHead is of_now
+
+
+@pytest.mark.parametrize(
+    ("module", "word"), [("jointsdf.figures", "Figures"), ("jointsdf.study", "tables"), ("jointsdf.shapes.abc", "ABC")]
+)
+def test_a_command_of_before_answers(module, word) -> None:
+    done = subprocess.run([sys.executable, "-m", module, "--help"], capture_output=True, text=True, check=True)
+    assert word in done.stdout
+    assert done.stderr == ""

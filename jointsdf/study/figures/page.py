@@ -13,7 +13,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy import ndarray
 
-from jointsdf.study.drawing import STYLE, WIDTH
+from jointsdf.study.figures.style import STYLE, WIDTH
 
 HEAT = "YlOrRd"
 

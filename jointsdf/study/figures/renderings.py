@@ -11,12 +11,12 @@ from matplotlib import colormaps
 from numpy import ndarray
 
 from jointsdf.errors import InputError
-from jointsdf.figures.meshes import Pair, load_pair
-from jointsdf.figures.page import HEAT, Row, page, trimmed
 from jointsdf.study.captions import caption
-from jointsdf.study.curves import run_folder
-from jointsdf.study.drawing import Drawing
-from jointsdf.study.groups import Group, compare
+from jointsdf.study.comparisons import Group, compare
+from jointsdf.study.figures.loss_curves import run_folder
+from jointsdf.study.figures.page import HEAT, Row, page, trimmed
+from jointsdf.study.figures.run_meshes import Pair, load_pair
+from jointsdf.study.figures.style import Drawing
 from jointsdf.values import LabelledMesh
 from jointsdf.viewing.render import render
 

@@ -10,25 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from study_rows import ROW
 
-from jointsdf.runs.row import ResultRow, config_hash, read_row, read_rows, write_row
-
-ROW = ResultRow(
-    study="fast",
-    variant="base",
-    recipe="fast",
-    head="siren",
-    shape="part_01",
-    seed=0,
-    status="ok",
-    steps=1200,
-    num_parts=7,
-    counts={"faces_gt": 1200, "parameters_trunk": 264449},
-    seconds={"fit": 41.5, "total": 60.0},
-    peak_memory_mb=812.25,
-    scores={"unit": {"cd_l1": 0.25, "iou_0": 0.97}, "flatcad": {"cd_l1": 0.31}},
-    provenance={"commit": "abc", "dirty": False, "label_provider": "builtin", "versions": {"torch": "2.13.0"}},
-)
+from jointsdf.runs.row import config_hash, read_row, read_rows, write_row
 
 
 def no_constant(token: str) -> None:

@@ -11,15 +11,16 @@ from matplotlib.figure import Figure
 from study_rows import make_row, write
 
 from jointsdf.errors import InputError
-from jointsdf.figures import meshes, pictures
-from jointsdf.figures.__main__ import main, write_figures
-from jointsdf.figures.meshes import Pair
 from jointsdf.runs.row import ResultRow, write_row
 from jointsdf.study.collect import collect
-from jointsdf.study.curves import loss_curves, read_curves
-from jointsdf.study.drawing import COLOURS, MARKERS, dodge, look
-from jointsdf.study.groups import Group, split
-from jointsdf.study.plots import error_scatter, metric_comparison, part_count, time_quality
+from jointsdf.study.comparisons import Group, split
+from jointsdf.study.figures import renderings as pictures
+from jointsdf.study.figures import run_meshes as meshes
+from jointsdf.study.figures.__main__ import main, write_figures
+from jointsdf.study.figures.loss_curves import loss_curves, read_curves
+from jointsdf.study.figures.plots import error_scatter, metric_comparison, part_count, time_quality
+from jointsdf.study.figures.run_meshes import Pair
+from jointsdf.study.figures.style import COLOURS, MARKERS, dodge, look
 from jointsdf.values import LabelledMesh, Shape
 
 HEADS = ("relu", "siren", "hybrid")

@@ -324,7 +324,7 @@ def test_an_engine_that_is_not_installed_is_one_line(tmp_path, engine, monkeypat
 HOLD = """
 import sys, time
 from pathlib import Path
-from jointsdf import run_state
+from jointsdf.runs import status as run_state
 with run_state.lock(Path(sys.argv[1]), wait=False):
     run_state.begin(Path(sys.argv[1]))
     run_state.report(Path(sys.argv[1]), 7, 20, 14.0)

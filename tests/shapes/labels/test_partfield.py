@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from jointsdf.shapes.labels.files.__main__ import main
 from sklearn.metrics import adjusted_rand_score
 
 from jointsdf import shapes
 from jointsdf.errors import InputError
 from jointsdf.shapes.labels import partfield
+from jointsdf.shapes.labels.__main__ import main
 from jointsdf.shapes.labels.face_matching import matched
 from jointsdf.values import Shape
 
@@ -323,6 +323,6 @@ def test_a_failing_checkout_is_one_line(bar: Path, checkout: Path, case: str, ca
 def test_the_command_line_is_a_module() -> None:
     done = subprocess.run(
         [sys.executable, "-W", "error::RuntimeWarning", "-m", "jointsdf.shapes.labels", "partfield", "--help"],
-        capture_output=True, text=True, check=True, cwd=Path(__file__).parents[1],
+        capture_output=True, text=True, check=True, cwd=Path(__file__).parents[3],
     )  # fmt: skip
     assert "--checkpoint" in done.stdout

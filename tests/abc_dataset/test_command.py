@@ -16,7 +16,7 @@ import numpy as np
 import py7zr
 import pytest
 import trimesh
-from test_step import METRE, NEEDS_READER, step_boxes
+from step_files import METRE, NEEDS_READER, step_boxes
 
 from jointsdf import abc_dataset as preparation
 from jointsdf import shapes

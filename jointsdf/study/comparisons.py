@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import pandas as pd
 
 from jointsdf.runs.csv import DEFAULT_PROTOCOL, source_of
-from jointsdf.study.gaps import Gap
+from jointsdf.study.missing_runs import Gap
 from jointsdf.study.statistics import common_shapes
 
 GROUP = ["study", "recipe", "variant", "source", "label_kind", "protocol"]

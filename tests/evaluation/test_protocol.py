@@ -20,7 +20,7 @@ from jointsdf.metrics.exact_labels import ExactLabels
 from jointsdf.metrics.f_score import FScore
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
-CONFIG = OmegaConf.load(Path(__file__).parents[1] / "conf" / "evaluation" / "default.yaml")
+CONFIG = OmegaConf.load(Path(__file__).parents[2] / "conf" / "evaluation" / "default.yaml")
 PROTOCOLS = instantiate(CONFIG.protocols, _convert_="all")
 METRICS = [(protocol, metric) for protocol in PROTOCOLS for metric in PROTOCOLS[protocol].metrics]
 EMPTY = LabelledMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64))
