@@ -3,6 +3,7 @@
 import importlib.util
 from itertools import product
 
+import numpy as np
 import pytest
 
 NEEDS_READER = pytest.mark.skipif(not importlib.util.find_spec("cascadio"), reason="cascadio is not installed")
