@@ -19,7 +19,7 @@ from benchmarks.scene import composed, fitted, measured
 from benchmarks.table import Row, interleaved, machine
 from jointsdf.extraction.extractor import Extraction, Surface
 from jointsdf.model.field import JointField
-from jointsdf.training.hardware import keep_freed_memory, peak_memory_mb, reset_peak_memory
+from jointsdf.training.hardware import freed_memory_kept, peak_memory_mb, reset_peak_memory
 from jointsdf.values import BOX, LabelledMesh
 
 CHUNK = 5000  # of the released code
@@ -98,11 +98,11 @@ def in_a_new_process(function: Callable[[int, int], list[Row]], *arguments: int)
         return pool.submit(function, *arguments).result()
 
 
+@freed_memory_kept()
 def thin_plate(resolution: int, steps: int) -> list[Row]:
     """Seconds and memory of a fine grid on a plate, a hundredth of its length thick."""
     box = trimesh.creation.box(extents=PLATE)
     mesh = LabelledMesh(np.array(box.vertices), np.array(box.faces), np.zeros(len(box.faces), dtype=np.int64))
-    keep_freed_memory()
     _, module = fitted(composed(f"trainer.max_steps={steps}"), mesh)
     reset_peak_memory()
     (seconds,) = interleaved(1, lambda: Extraction(resolution).surface(module.field.network_sdf), warm_up=False)

@@ -19,11 +19,11 @@ from torch.nn.utils import clip_grad_norm_
 from benchmarks.scene import built, composed, measured
 from benchmarks.step import total
 from benchmarks.table import Row, machine
-from jointsdf.experiment import build as assembly
+from jointsdf.experiment import build
 from jointsdf.optimizers import MuonAdam
 from jointsdf.threads import large_pieces
 from jointsdf.training.fit import fit
-from jointsdf.training.hardware import keep_freed_memory
+from jointsdf.training.hardware import freed_memory_kept
 from jointsdf.training.module import JointSDFModule, merged_needs
 from jointsdf.values import Samples
 
@@ -60,10 +60,10 @@ def rows(steps: int = 400, repetitions: int = 3, overrides: Sequence[str] = ()) 
     return [replace(row, at_least=False, target=None if overrides else row.target) for row in found]
 
 
+@freed_memory_kept()
 def orthogonalisation(steps: int, overrides: Sequence[str]) -> tuple[float, float]:
     """Median seconds of a step, with Muon's iteration and without, taken in turn."""
     cfg = composed("data.pool_size=20000", *overrides)
-    keep_freed_memory()
     with machine(torch.get_num_threads(), "default"), large_pieces():
         sides = []
         for left_out in (False, True):
@@ -86,24 +86,23 @@ def orthogonalisation(steps: int, overrides: Sequence[str]) -> tuple[float, floa
 
 def one_step(module: JointSDFModule, optimizer: torch.optim.Optimizer, samples: Samples, step: int) -> None:
     """Objective, backward, clip and optimizer."""
-    weights = module.active_weights(step)
-    terms = {name: module.terms[name] for name in weights}
+    weights = module.objective.active_weights(step / module.settings.max_steps)
+    terms = {name: module.objective.terms[name] for name in weights}
     optimizer.zero_grad()
     total(module.evaluate(samples, merged_needs(list(terms.values()))), terms, weights).backward()
     for part in (module.field.trunk, module.field.head):
-        clip_grad_norm_(part.parameters(), module.clip)
+        clip_grad_norm_(part.parameters(), module.settings.clip)
     optimizer.step()
 
 
 @large_pieces()
+@freed_memory_kept()
 def fit_seconds(steps: int, overrides: Sequence[str]) -> float:
     """A fit as a run does it, without previews."""
     cfg = composed(f"trainer.max_steps={steps}", *overrides)
-    keep_freed_memory()
     _, data, module = built(cfg)
-    how = {"accelerator": "cpu", "checkpoint_seconds": 20.0, "log_every": cfg.trainer.log_every}
     with tempfile.TemporaryDirectory() as folder:
-        return fit(module, data, Path(folder), preview=None, products=assembly.products(cfg), **how)[0]
+        return fit(module, data, Path(folder), build.fit_machine(cfg))[0]
 
 
 def beside_a_busy_process(steps: int, repetitions: int, threads: int, overrides: Sequence[str]) -> tuple[float, float]:

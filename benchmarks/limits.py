@@ -40,7 +40,7 @@ def rows(faces: int = FACES, runs: int = RUNS, most: int = 50) -> list[Row]:
     cases: list[tuple[str, float, Callable[[], object]]] = [
         (f"{len(parts)} built-in parts", 10.0, lambda: [load(name, abc_root="") for name in parts]),
         (f"geometric labels of {faces} faces", 3.0, lambda: hierarchy(solid, None)),
-        (f"the report on {faces} faces", 0.5, lambda: mesh_report(shape, 1.0, 256)),
+        (f"the report on {faces} faces", 0.5, lambda: mesh_report(shape)),
         (f"tables of {runs} runs", 10.0, lambda: tables(runs)),
     ]
     found = [allowed(*case) for case in cases]

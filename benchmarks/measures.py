@@ -10,7 +10,7 @@ from benchmarks.scene import built, composed
 from benchmarks.table import Row, interleaved
 from jointsdf.evaluation.protocol import GroundTruth
 from jointsdf.evaluation.reference_scores import ceiling_mesh
-from jointsdf.experiment import build as assembly
+from jointsdf.experiment import build
 
 SECONDS = 1.0  # target
 
@@ -24,7 +24,7 @@ def rows(resolution: int = 256, repetitions: int = 5) -> list[Row]:
     """
     cfg = composed("data.pool_size=20000")
     shape, data, _ = built(cfg)
-    measures = assembly.measures(cfg, resolution)
+    measures = build.measures(cfg, resolution)
     mesh = ceiling_mesh(shape, measures.extraction, data.cloud.normalisation)
     found: dict[str, dict[str, dict[str, float]]] = {}
 

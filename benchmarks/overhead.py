@@ -14,7 +14,7 @@ import torch
 from benchmarks.fit import one_step
 from benchmarks.scene import built, composed, measured
 from benchmarks.table import Row, machine
-from jointsdf.experiment import build as assembly
+from jointsdf.experiment import build
 from jointsdf.threads import large_pieces
 from jointsdf.training.fit import fit
 
@@ -44,10 +44,9 @@ def run_seconds(steps: int) -> float:
 def _fit_seconds(steps: int) -> float:
     cfg = composed(f"trainer.max_steps={steps}", "data.pool_size=20000")
     _, data, module = built(cfg)
-    how = {"accelerator": "cpu", "checkpoint_seconds": 1e9, "log_every": cfg.trainer.log_every}
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
-        fit(module, data, Path(folder), preview=None, products=assembly.products(cfg), **how)
+        fit(module, data, Path(folder), build.fit_machine(cfg))
         return time.perf_counter() - start
 
 

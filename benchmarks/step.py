@@ -60,20 +60,22 @@ def prepared(points: int) -> tuple[JointSDFModule, Samples]:
 
 def weights_of(module: JointSDFModule, *, odw: bool) -> dict[str, float]:
     """Weights of the geometric terms."""
-    weights = {name: float(weight) for name, weight in module.weights.items() if weight and name != "cross_entropy"}
+    weights = {
+        name: float(weight) for name, weight in module.objective.weights.items() if weight and name != "cross_entropy"
+    }
     return weights | ({} if odw else {"weingarten": 0.0})
 
 
 def our_loss(module: JointSDFModule, samples: Samples, weights: Mapping[str, float]) -> Tensor:
     """The objective as a run evaluates it: terms of weight 0 are not computed."""
-    terms = {name: module.terms[name] for name, weight in weights.items() if weight}
+    terms = {name: module.objective.terms[name] for name, weight in weights.items() if weight}
     return total(module.evaluate(samples, merged_needs(list(terms.values()))), terms, weights)
 
 
 def released_loss(module: JointSDFModule, samples: Samples, weights: Mapping[str, float]) -> Tensor:
     """The objective in the released formulation: every term is computed."""
     step = released.evaluate(lambda points: module.field.trunk(points)[0], samples)
-    return total(step, {name: module.terms[name] for name in weights}, weights)
+    return total(step, {name: module.objective.terms[name] for name in weights}, weights)
 
 
 def total(step: Step, terms: Mapping[str, Term], weights: Mapping[str, float]) -> Tensor:
@@ -92,7 +94,7 @@ def timed(
         with machine(1, matmul, keep_memory=keep_memory):
             optimizer.zero_grad()
             loss().backward()
-            torch.nn.utils.clip_grad_norm_(parameters, module.clip)
+            torch.nn.utils.clip_grad_norm_(parameters, module.settings.clip)
             optimizer.step()
 
     return step

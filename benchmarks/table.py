@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import torch
 
 from jointsdf.training import matrix_products as products
-from jointsdf.training.hardware import KEPT_FREE, LARGEST_KEPT, keep_freed_memory
+from jointsdf.training.hardware import KEPT_FREE, LARGEST_KEPT, freed_memory_kept
 
 GLIBC_KEEPS = 2 * LARGEST_KEPT  # where its own rule ends up once pieces of the largest size have been freed
 
@@ -87,9 +87,8 @@ def machine(threads: int, matmul: str, *, keep_memory: bool = True) -> Iterator[
     """
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
-    keep_freed_memory(KEPT_FREE if keep_memory else GLIBC_KEEPS)
     try:
-        with products.matmul(matmul):
+        with products.matmul(matmul), freed_memory_kept(KEPT_FREE if keep_memory else GLIBC_KEEPS):
             yield
     finally:
         torch.set_num_threads(before)

@@ -14,7 +14,7 @@ from functools import cache, partial
 from pathlib import Path
 from unittest import mock
 
-from jointsdf.experiment import build as assembly
+from jointsdf.experiment import build
 from jointsdf.experiment import run as experiment
 from jointsdf.viewing.render import compare
 
@@ -70,7 +70,7 @@ def call(script: str, *arguments: object) -> Answer:
             stack.enter_context(contextlib.redirect_stdout(written))
             stack.enter_context(contextlib.redirect_stderr(written))
             stack.enter_context(warnings.catch_warnings())
-            for module in (assembly, experiment):
+            for module in (build, experiment):
                 stack.enter_context(mock.patch.object(module, "compare", thumbnail))
             warnings.simplefilter("default")
             runpy.run_path(sys.argv[0], run_name="__main__")

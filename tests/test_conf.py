@@ -13,7 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from jointsdf.data.datamodule import ShapeDataModule
 from jointsdf.data.sampler import Counts
-from jointsdf.experiment import build as assembly
+from jointsdf.experiment import build
 from jointsdf.model.heads import HEADS
 from jointsdf.model.trunk import SirenTrunk
 from jointsdf.training.module import JointSDFModule
@@ -239,25 +239,25 @@ def test_evaluation_protocols() -> None:
 
 
 def test_rates_fall_on_a_large_surface_and_what_is_out_of_reach_decides_nothing() -> None:
-    shape = assembly.load_shape(config())
-    assert assembly.trunk_rate(config("trainer.full_rate_area=null"), shape) == 1
-    assert assembly.trunk_rate(config("trainer.full_rate_area=20"), shape) == 1
-    assert assembly.trunk_rate(config("trainer.full_rate_area=6"), shape) == pytest.approx(6 / 12.77, abs=1e-3)
+    shape = build.load_shape(config())
+    assert build.trunk_rate(config("trainer.full_rate_area=null"), shape) == 1
+    assert build.trunk_rate(config("trainer.full_rate_area=20"), shape) == 1
+    assert build.trunk_rate(config("trainer.full_rate_area=6"), shape) == pytest.approx(6 / 12.77, abs=1e-3)
     runs = (config(f"trainer.full_rate_area={limit}") for limit in ("null", 20, 6))
-    by_points = assembly.trunk_rate(config("trainer.full_rate_area=6", "data.distances=cloud"), shape)
+    by_points = build.trunk_rate(config("trainer.full_rate_area=6", "data.distances=cloud"), shape)
     assert by_points == pytest.approx(6 / 12.77, rel=0.05)
-    assert by_points != assembly.trunk_rate(config("trainer.full_rate_area=6"), shape)
-    free, far, near = (assembly.settings_of(run, shape)[1]["trainer"] for run in runs)
+    assert by_points != build.trunk_rate(config("trainer.full_rate_area=6"), shape)
+    free, far, near = (build.settings_of(run, shape)[1]["trainer"] for run in runs)
     assert free == far == {key: value for key, value in near.items() if key != "full_rate_area"}
     shares = (config("recipe=points", f"data.counts.regions={share}") for share in (0.0, 0.5))
-    without, with_share = (assembly.settings_of(run, shape)[1]["data"] for run in shares)
+    without, with_share = (build.settings_of(run, shape)[1]["data"] for run in shares)
     assert without == with_share, "a share of no points decides nothing"
     assert "region_points" not in without
-    assert assembly.settings_of(config(), shape)[1]["data"]["region_points"] == 30000
+    assert build.settings_of(config(), shape)[1]["data"]["region_points"] == 30000
     assert near["full_rate_area"] == 6
 
 
 def test_the_grid_begins_without_the_thinnest_wall_where_only_points_are_given() -> None:
-    assert assembly.first_resolution(config()) == "auto"
-    assert assembly.first_resolution(config("recipe=points")) == 256
-    assert assembly.first_resolution(config("recipe=points", "extraction.resolution=384")) == 384
+    assert build.first_resolution(config()) == "auto"
+    assert build.first_resolution(config("recipe=points")) == 256
+    assert build.first_resolution(config("recipe=points", "extraction.resolution=384")) == 384

@@ -3,7 +3,6 @@
 import hashlib
 import io
 import logging
-import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -12,10 +11,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from jointsdf.errors import InputError
+from jointsdf.geometry.ply import binary_ply
+from jointsdf.geometry.topology import face_components
+from jointsdf.runs.files import write_atomically
 from jointsdf.shapes.abc import CatalogueEntry
 from jointsdf.shapes.readers import abc_features as features
 from jointsdf.shapes.readers import mesh_file as file
@@ -77,8 +77,8 @@ def write(entry: CatalogueEntry, paths: Sequence[Path], folder: Path) -> str:
     else:
         stream = io.BytesIO()
         np.save(stream, surface.patches.astype(np.int32))
-        _write_whole(folder / "patches.npy", stream.getvalue())
-    _write_whole(folder / "mesh.ply", data)
+        write_atomically(folder / "patches.npy", stream.getvalue())
+    write_atomically(folder / "mesh.ply", data)
     return _summary(surface, paths[0], factor, hashlib.sha256(data).hexdigest() == entry.sha256)
 
 
@@ -119,10 +119,7 @@ def component(entry: CatalogueEntry, surface: Surface, path: Path) -> Surface:
 
 def _components(surface: Surface) -> Iterator[Surface]:
     """What hangs together, in the file's order, its vertices and patches counted anew."""
-    ends = surface.faces[:, [0, 1]].T.ravel(), surface.faces[:, [1, 2]].T.ravel()
-    size = len(surface.vertices)
-    _, of_vertex = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(size, size)), directed=False)
-    of_face = of_vertex[surface.faces[:, 0]]
+    of_face = face_components(surface.faces)
     order = of_face[np.sort(np.unique(of_face, return_index=True)[1])]
     for each in order:
         mine = of_face == each
@@ -159,24 +156,4 @@ def _merged(surface: Surface) -> Surface:
 
 def ply(surface: Surface) -> bytes:
     """The mesh as a binary PLY file: single-precision positions, triangles."""
-    header = (
-        f"ply\nformat binary_little_endian 1.0\ncomment ABC dataset model\nelement vertex {len(surface.vertices)}\n"
-        f"property float x\nproperty float y\nproperty float z\nelement face {len(surface.faces)}\n"
-        f"property list uchar int vertex_indices\nend_header\n"
-    )
-    faces = np.zeros(len(surface.faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, surface.faces
-    return header.encode() + surface.vertices.astype("<f4").tobytes() + faces.tobytes()
-
-
-def _write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that it is never seen in part, not even after a power cut."""
-    part = path.with_name(f".{path.name}.part")
-    try:
-        with part.open("wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    return binary_ply(surface.vertices.astype("<f4"), surface.faces, {}, "ABC dataset model")

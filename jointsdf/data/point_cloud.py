@@ -8,7 +8,7 @@ from numpy import ndarray
 from numpy.random import Generator, Philox
 from scipy.spatial import KDTree
 
-from jointsdf.errors import InputError
+from jointsdf.errors import require_integer
 from jointsdf.geometry.face_graph import face_graph, smooth_regions
 from jointsdf.geometry.mesh import area_uniform, face_areas, face_normals, near_borders
 from jointsdf.values import BOX, UNLABELLED, LabelledMesh, Normalisation
@@ -23,8 +23,7 @@ def stream(seed: int, purpose: int, step: int = 0) -> Generator:
     Raises:
         InputError: A negative seed.
     """
-    if seed < 0:
-        raise InputError(f"seed={seed}: must be at least 0")
+    require_integer("seed", seed, 0)
     return Generator(Philox(key=[seed, (purpose << 48) + step]))
 
 
@@ -71,14 +70,7 @@ class Cloud:
             label_fraction: Share of the points that keep their label.
             region_points: Points spread over the smooth regions, beyond `count`.
             border_points: Points near part borders, beyond `count`; none where the mesh has no border.
-
-        Raises:
-            InputError: Fewer than two points, or a share outside 0..1.
         """
-        if count < 2:
-            raise InputError(f"data.cloud_size={count}: must be at least 2")
-        if not 0 <= label_fraction <= 1:
-            raise InputError(f"data.label_fraction={label_fraction}: must be between 0 and 1")
         areas = face_areas(mesh)
         points, faces = area_uniform(mesh.vertices, mesh.faces, areas, count, stream(seed, CLOUD))
         centre = points.mean(axis=0)

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from jointsdf.data.point_cloud import STEPS, Cloud, stream
-from jointsdf.errors import InputError
+from jointsdf.errors import InputError, require_integer, require_number
 from jointsdf.values import BOX, Samples
 
 SHELL_NEIGHBOUR = 51  # the released FlatCAD code: noise as wide as the distance to the 51st neighbour
@@ -49,17 +49,14 @@ class Counts:
             InputError: A count below 1, a share outside 0..1, or a negative offset.
         """
         for name in ("manifold", "non_manifold", "shell", "pool"):
-            if getattr(self, name) < 1:
-                raise InputError(f"data.counts.{name}={getattr(self, name)}: must be at least 1")
+            require_integer(f"data.counts.{name}", getattr(self, name), 1)
         shares = {name: getattr(self, name) for name in ("balanced", "regions", "borders")}
         for name, share in shares.items():
-            if not 0 <= share <= 1:
-                raise InputError(f"data.counts.{name}={share}: must be between 0 and 1")
+            require_number(f"data.counts.{name}", share, 0, 1)
         if sum(shares.values()) > 1:
             given = " ".join(f"{name}={share}" for name, share in shares.items())
             raise InputError(f"data.counts.{given}: together they must not exceed 1")
-        if self.shell_offset < 0:
-            raise InputError(f"data.counts.shell_offset={self.shell_offset}: must be at least 0")
+        require_number("data.counts.shell_offset", self.shell_offset, 0, 1)
 
 
 class Sampler:

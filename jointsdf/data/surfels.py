@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from jointsdf.data.free_space import FreeSpace
-from jointsdf.geometry.face_graph import components
+from jointsdf.geometry.topology import components
 from jointsdf.values import BOX
 
 PLANE_NEIGHBOURS, AROUND = 16, 24  # that may lie in a point's plane; that may lie between a point and free space

@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from jointsdf.errors import InputError
+from jointsdf.geometry.caching import cached_by_identity
 from jointsdf.geometry.mesh import area_uniform, face_areas, face_normals
-from jointsdf.metrics import Metric, remembered
+from jointsdf.metrics import Metric
 from jointsdf.values import UNMOVED, LabelledMesh, Normalisation, SurfaceSamples
 
 # Evaluation has seeds of its own, so that all heads and seeds of a shape meet the same ground truth samples. The floor
@@ -18,7 +19,7 @@ from jointsdf.values import UNMOVED, LabelledMesh, Normalisation, SurfaceSamples
 TRUTH_SEED = 1_000_001
 PREDICTED_SEED = 1_000_002
 
-_areas = remembered(face_areas)
+_areas = cached_by_identity(face_areas)
 
 FRAMES = ("truth", "own")
 Scores = dict[str, dict[str, float]]  # protocol -> column -> value
@@ -80,8 +81,8 @@ class GroundTruth:
         """
         return self._by_protocol(lambda name: self._scores(name, predicted))
 
-    def companions(self, ceiling: LabelledMesh | None) -> Scores:
-        """What the scores are read against, whatever is predicted: `<key>_floor` and `<key>_ceiling` of every protocol.
+    def references(self, ceiling: LabelledMesh | None) -> Scores:
+        """Reference scores, whatever is predicted: `<key>_floor` and `<key>_ceiling` of every protocol.
 
         The floor is the ground truth against itself, sampled twice.
 
@@ -90,7 +91,7 @@ class GroundTruth:
                 what grid and face rule alone cost. None makes every `<key>_ceiling` NaN.
         """
         return self._by_protocol(
-            lambda name: self._companions(name, "floor", self.mesh) | self._companions(name, "ceiling", ceiling)
+            lambda name: self._references(name, "floor", self.mesh) | self._references(name, "ceiling", ceiling)
         )
 
     def _by_protocol(self, scores: Callable[[str], dict[str, float]]) -> Scores:
@@ -110,7 +111,7 @@ class GroundTruth:
             scores |= columns
         return scores
 
-    def _companions(self, protocol: str, kind: str, mesh: LabelledMesh | None) -> dict[str, float]:
+    def _references(self, protocol: str, kind: str, mesh: LabelledMesh | None) -> dict[str, float]:
         samples = None if mesh is None else self._sampled(self.protocols[protocol], mesh, PREDICTED_SEED)
         columns: dict[str, float] = {}
         for metric in self.protocols[protocol].metrics.values():

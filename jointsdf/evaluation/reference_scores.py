@@ -1,26 +1,24 @@
 """What scores are read against, floors and ceilings: measured once per shape and grid, kept for its other runs."""
 
-import hashlib
 import json
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 
-from jointsdf.data.datamodule import network_distance
 from jointsdf.evaluation.protocol import GroundTruth, Scores
 from jointsdf.extraction.extractor import Extraction
-from jointsdf.runs.row import config_hash, write_atomically
+from jointsdf.geometry.distance import network_distance
+from jointsdf.runs.files import write_atomically
+from jointsdf.runs.provenance import code_state
+from jointsdf.runs.row import config_hash
 from jointsdf.values import LabelledMesh, Normalisation, Shape
 
 CHUNK = 1 << 18  # points asked of the exact distance at once: libigl makes a search tree in every call
 LIBRARIES = ("numpy", "scipy", "libigl", "scikit-image")
-PACKAGE = Path(__file__).parents[1]
-# Read at the start: what measures is what was loaded then, whatever is edited during a fit.
-CODE = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(PACKAGE.rglob("*.py")))).hexdigest()
 
 
-def companions(
-    truth: GroundTruth, shape: Shape, extraction: Extraction, normalisation: Normalisation, kept: Path | None
+def reference_scores(
+    truth: GroundTruth, shape: Shape, extraction: Extraction, normalisation: Normalisation, cache_dir: Path | None
 ) -> Scores:
     """Floors and ceilings of every protocol.
 
@@ -29,21 +27,21 @@ def companions(
         shape: Ground truth.
         extraction: What makes the prediction's mesh.
         normalisation: File frame -> network frame, of the prediction.
-        kept: Folder where they are kept from run to run; None measures them anew.
+        cache_dir: Folder where they are kept from run to run; None measures them anew.
     """
-    if kept is None:
-        return truth.companions(ceiling_mesh(shape, extraction, normalisation))
+    if cache_dir is None:
+        return truth.references(ceiling_mesh(shape, extraction, normalisation))
     facts = {
         "shape": [shape.mesh_sha256, shape.labels_sha256, shape.watertight],
         "measures": [repr(extraction), repr(dict(truth.protocols))],
         "frame": [*normalisation.centre.tolist(), normalisation.scale],
-        "code": [CODE, *map(metadata.version, LIBRARIES)],
+        "code": [code_state().sha256, *map(metadata.version, LIBRARIES)],
     }
-    path = kept / f"{config_hash(facts)}.json"
+    path = cache_dir / f"{config_hash(facts)}.json"
     if path.is_file():
         known: Scores = json.loads(path.read_text(encoding="utf-8"))
         return known
-    found = truth.companions(ceiling_mesh(shape, extraction, normalisation))
+    found = truth.references(ceiling_mesh(shape, extraction, normalisation))
     write_atomically(path, json.dumps(found))
     return found
 

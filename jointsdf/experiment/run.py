@@ -5,41 +5,58 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-import torch
 from jaxtyping import Float
 from numpy import ndarray
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from jointsdf.evaluation.protocol import GroundTruth, Scores
-from jointsdf.evaluation.reference_scores import companions
-from jointsdf.experiment import build as assembly
+from jointsdf.evaluation.reference_scores import reference_scores
+from jointsdf.experiment import build
 from jointsdf.experiment.summary import files_to_open, in_words, summary
 from jointsdf.experiment.tensorboard import log_result
-from jointsdf.extraction.resolution import settled
+from jointsdf.extraction.resolution import cell_size, refine_until_stable, thin_wall_warning
 from jointsdf.model.field import JointField
 from jointsdf.phases import phase, tell
 from jointsdf.runs import folder as run_folder
-from jointsdf.runs import status as run_state
+from jointsdf.runs import status
+from jointsdf.runs.lock import lock
 from jointsdf.runs.provenance import code_state, provenance
 from jointsdf.runs.reuse import known_row
-from jointsdf.runs.row import ResultRow, config_hash, write_row
+from jointsdf.runs.row import Fact, ResultRow, config_hash, write_row
 from jointsdf.shapes.mesh_report import MeshReport, mesh_report
+from jointsdf.shapes.stored import stored_truth
 from jointsdf.threads import large_pieces
 from jointsdf.training.fit import board_of, fit, save_field
-from jointsdf.training.hardware import keep_freed_memory, peak_memory_mb, reset_peak_memory
-from jointsdf.training.matrix_products import use_matmul
+from jointsdf.training.hardware import freed_memory_kept, peak_memory_mb, reset_peak_memory
+from jointsdf.training.matrix_products import matmul_restored, use_matmul
 from jointsdf.values import LabelledMesh, Normalisation, Shape
 from jointsdf.viewing.export import write_mesh
 from jointsdf.viewing.render import compare, write_png
 
 log = logging.getLogger(__name__)
 
-KEPT = ".companions"  # below the outputs: floors and ceilings by shape and grid
+CACHE_DIR = ".companions"  # below the outputs: reference scores by shape and grid
 SURFACE, AGAINST_TRUTH = "the field's surface and its part labels", "distances and labels against the truth"
 SHOWN = {"evaluate": "measure", "picture": "draw"}  # stages whose name in a row is not the one that a user reads
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run gave.
+
+    Attributes:
+        row: The result row.
+        field: The fitted field; None where the row was there before.
+        mesh: The extracted mesh, file frame; None where the row was there before.
+    """
+
+    row: ResultRow
+    field: JointField | None = None
+    mesh: LabelledMesh | None = None
 
 
 @dataclass
@@ -72,58 +89,104 @@ def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
         InputError: Anything the user can mend: shape, labels, config, folder, checkpoint, a loss that is not finite.
     """
     watch = Stopwatch()
+    with process_settings():
+        with watch("load", str(cfg.shape)):
+            build.check_config(cfg)
+            shape = build.load_shape(cfg)
+        return fit_shape(cfg, shape, build.folder_of(cfg), watch, wait=wait).row
+
+
+@contextmanager
+def process_settings() -> Iterator[None]:
+    """Set what a run needs of the whole process, and put back the allocator and the library of matrix products."""
     reset_peak_memory()
-    keep_freed_memory()
-    code_state()
-    with watch("load", str(cfg.shape)):
-        assembly.checked(cfg)
-        shape = assembly.load_shape(cfg)
-    folder = assembly.folder_of(cfg)
-    settings, numbers = assembly.settings_of(cfg, shape)
-    if row := stored_row(cfg, folder, settings, numbers, wait=wait):
-        return row
+    with freed_memory_kept(), matmul_restored():
+        yield
+
+
+def fit_shape(cfg: DictConfig, shape: Shape, folder: Path, watch: Stopwatch, *, wait: bool = True) -> Outcome:
+    """All of `run` after the shape is loaded, within `large_pieces`.
+
+    Args:
+        cfg: The config, checked.
+        shape: Ground truth.
+        folder: The run folder.
+        watch: Times the stages.
+        wait: As for `run`.
+
+    Raises:
+        Busy: As for `run`.
+        InputError: As for `run`.
+    """
+    code = code_state()  # what was loaded, whatever is edited during the fit
+    draw_cloud = cache(lambda: build.cloud_of(cfg, shape))
+    rate = build.trunk_rate(cfg, shape, draw_cloud)
+    settings, fingerprint = build.resolve_settings(cfg, shape, rate)
+    if row := find_row(cfg, folder, settings, fingerprint, wait=wait):
+        return Outcome(row)
     with watch("prepare", "points, labels and distances"):
-        torch.manual_seed(cfg.seed)
-        data, module = assembly.build(cfg, shape)
-        report = mesh_report(shape, data.cloud.normalisation.scale, assembly.first_resolution(cfg))
-        measures = assembly.measures(cfg, report.resolution)
-        report.log()
-    with run_state.lock(folder, wait=wait):
-        if row := run_folder.finished_row(folder, numbers, force=cfg.force, reuse=cfg.reuse):
-            return row  # the process that was waited for made it
-        run_state.begin(folder)
-        run_folder.claim(folder, settings, numbers, resume=cfg.resume, force=cfg.force)
+        cloud = draw_cloud()
+        data, module = build.data_and_module(cfg, shape, cloud, rate)
+        report, scale = mesh_report(shape), cloud.normalisation.scale
+        resolution = build.first_resolution(cfg, report.wall / scale)
+        measures = build.measures(cfg, resolution)
+        _log_report(report, resolution, scale)
+    with lock(folder, wait=wait):
+        if row := run_folder.finished_row(folder, fingerprint, force=cfg.force, reuse=cfg.reuse):
+            return Outcome(row)  # the process that was waited for made it
+        status.begin(folder)
+        run_folder.claim(folder, settings, fingerprint, resume=cfg.resume, force=cfg.force)
         log.info("%s", folder)
-        preview = assembly.preview(cfg, shape, measures)
-        how = {key: cfg.trainer[key] for key in ("accelerator", "checkpoint_seconds", "log_every")}
-        products = assembly.products(cfg)
+        preview = build.preview(cfg, shape, measures)
         with phase("fit", f"{cfg.trainer.max_steps} steps, recipe {cfg.recipe}, head {cfg.head.name}"):
-            watch.seconds["fit"], machine = fit(module, data, folder, preview=preview, products=products, **how)
+            watch.seconds["fit"], machine = fit(module, data, folder, build.fit_machine(cfg), preview=preview)
         save_field(module.field, folder / run_folder.FIELD)
         with watch("extract", SURFACE):
-            measures, mesh = extracted(module.field, measures, settle=cfg.extraction.resolution == "auto")
-            report = report.on_grid(measures.extraction.resolution)
+            measures, mesh = extract(module.field, measures, refine=cfg.extraction.resolution == "auto")
             write_mesh(folder, mesh)
         with watch("evaluate", AGAINST_TRUTH):
-            kept = Path(cfg.paths.outputs, KEPT)
-            scores = measure(measures, shape, mesh, data.cloud.normalisation, kept)
+            cache_dir = Path(cfg.paths.outputs, CACHE_DIR)
+            scores = measure(measures, shape, mesh, cloud.normalisation, cache_dir)
+        resolution = measures.extraction.resolution
         with watch("picture", "preview.png and TensorBoard"):
-            show(cfg, folder, shape, mesh, module.field, scores[cfg.evaluation.primary], report.resolution)
-        hashes = {"config_hash": config_hash(numbers), "settings_hash": config_hash(assembly.shared_settings(settings))}
-        row = result_row(cfg, shape, report, module.field, mesh, scores, watch.seconds, hashes, machine)
+            show(cfg, folder, shape, mesh, module.field, scores[cfg.evaluation.primary], resolution)
+        facts = provenance(
+            code,
+            config_hash=config_hash(fingerprint),
+            settings_hash=config_hash(build.shared_settings(settings)),
+            **machine,
+            mesh_sha256=shape.mesh_sha256,
+            label_provider=shape.label_provider,
+            resolution=resolution,
+            **report.facts(),
+            grid_cell=cell_size(resolution) * scale,
+        )
+        row = result_row(cfg, shape, report, module.field, mesh, scores, watch.seconds, facts)
         write_row(folder, row)
         (folder / run_folder.CHECKPOINT).unlink(missing_ok=True)
-        run_state.end(folder)
+        status.end(folder)
+    _log_outcome(cfg, row, folder, measures, shape, mesh)
+    return Outcome(row, module.field, mesh)
+
+
+def _log_report(report: MeshReport, resolution: int, scale: float) -> None:
+    report.log(cell_size(resolution) * scale)
+    if warning := thin_wall_warning(report.wall, resolution, scale):
+        log.warning("%s: %s", report.name, warning)
+
+
+def _log_outcome(
+    cfg: DictConfig, row: ResultRow, folder: Path, measures: build.Measures, shape: Shape, mesh: LabelledMesh
+) -> None:
     log.info(summary(row, cfg.evaluation.primary, folder))
     if said := in_words(row, measures.protocols, shape.mesh, mesh):
         log.info(said)
     if not mesh.is_empty:
         log.info(files_to_open(folder))
-    return row
 
 
-def stored_row(
-    cfg: DictConfig, folder: Path, settings: Mapping[str, Any], numbers: Mapping[str, Any], *, wait: bool
+def find_row(
+    cfg: DictConfig, folder: Path, settings: Mapping[str, Any], fingerprint: Mapping[str, Any], *, wait: bool
 ) -> ResultRow | None:
     """The run's row, where its folder holds it already or, with `reuse`, another study does; the latter is kept there.
 
@@ -131,27 +194,41 @@ def stored_row(
         Busy: Another process works on the same run, and `wait` is false.
         InputError: The folder holds another config, or a damaged one.
     """
-    row = run_folder.finished_row(folder, numbers, force=cfg.force, reuse=cfg.reuse)
+    row = run_folder.finished_row(folder, fingerprint, force=cfg.force, reuse=cfg.reuse)
     if row:
         log.info("%s holds this run's result already; force=true runs it again", folder)
-        run_state.end(folder)
+        status.end(folder)
     elif cfg.reuse and not cfg.force:
-        row = known_row(config_hash(numbers), folder, Path(cfg.paths.outputs), Path(cfg.paths.results))
+        row = known_row(config_hash(fingerprint), folder, Path(cfg.paths.outputs), Path(cfg.paths.results))
         if row:
-            with run_state.lock(folder, wait=wait):
-                run_folder.claim(folder, settings, numbers, resume="never", force=False)
-                write_row(folder, row)
-                run_state.end(folder)
-            log.info("%s: taken from %s; reuse=false runs it here", folder, row.provenance[run_folder.REUSED])
+            _keep_row(row, folder, settings, fingerprint, wait=wait)
     if row:
         log.info(summary(row, cfg.evaluation.primary, folder))
     return row
 
 
-def extracted(
-    field: JointField, measures: assembly.Measures, *, settle: bool
-) -> tuple[assembly.Measures, LabelledMesh]:
-    """The field's mesh, and the measures with the grid that it was made on: a finer one where `settle` asks for it."""
+def _keep_row(
+    row: ResultRow, folder: Path, settings: Mapping[str, Any], fingerprint: Mapping[str, Any], *, wait: bool
+) -> None:
+    """Make a row of another study the run folder's own."""
+    with lock(folder, wait=wait):
+        run_folder.claim(folder, settings, fingerprint, resume="never", force=False)
+        write_row(folder, row)
+        status.end(folder)
+    log.info("%s: taken from %s; reuse=false runs it here", folder, row.provenance[run_folder.REUSED])
+
+
+def extract(field: JointField, measures: build.Measures, *, refine: bool) -> tuple[build.Measures, LabelledMesh]:
+    """Extract the field's mesh, in the file frame.
+
+    Args:
+        field: The fitted field.
+        measures: With the grid to begin with.
+        refine: Whether to refine the grid until the topology is stable.
+
+    Returns:
+        The measures with the grid that was used, and the mesh.
+    """
     asked = 0
 
     def sdf(points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
@@ -160,23 +237,21 @@ def extracted(
         tell(facts=f"{asked / 1e6:.1f} million points evaluated")
         return field.network_sdf(points)
 
-    if settle:
-        extraction, surface = settled(measures.extraction, sdf)
-    else:
-        extraction, surface = measures.extraction, measures.extraction.surface(sdf)
+    extraction = measures.extraction
+    extraction, surface = refine_until_stable(extraction, sdf) if refine else (extraction, extraction.surface(sdf))
     mesh = extraction.labelled(surface, field.network_part, field.normalisation)
     return replace(measures, extraction=extraction), mesh
 
 
 def measure(
-    measures: assembly.Measures, shape: Shape, mesh: LabelledMesh, normalisation: Normalisation, kept: Path | None
+    measures: build.Measures, shape: Shape, mesh: LabelledMesh, normalisation: Normalisation, cache_dir: Path | None
 ) -> Scores:
-    """Every metric of every protocol, with floors and ceilings; those are kept in the folder for the next run."""
+    """Every metric of every protocol, with the reference scores, which are cached in the folder for the next run."""
     truth = GroundTruth(shape.mesh, measures.protocols)
-    tell(0, 2, "floors and ceilings")
-    beside = companions(truth, shape, measures.extraction, normalisation, kept)
+    tell(0, 2, "reference scores")
+    references = reference_scores(truth, shape, measures.extraction, normalisation, cache_dir)
     tell(1, facts="scores")
-    return {name: scores | beside[name] for name, scores in truth.scores(mesh).items()}
+    return {name: scores | references[name] for name, scores in truth.scores(mesh).items()}
 
 
 def show(
@@ -206,10 +281,9 @@ def result_row(
     mesh: LabelledMesh,
     scores: Scores,
     seconds: dict[str, float],
-    hashes: dict[str, str],
-    machine: dict[str, str | int],
+    facts: dict[str, Fact],
 ) -> ResultRow:
-    """The run as a row."""
+    """The run as a row, the facts as its provenance."""
     return ResultRow(
         study=cfg.study,
         variant=cfg.variant,
@@ -232,15 +306,7 @@ def result_row(
         | {"total": round(sum(seconds.values()), 3)},
         peak_memory_mb=peak_memory_mb(),
         scores=scores,
-        provenance=provenance(
-            config_hash=hashes["config_hash"],
-            settings_hash=hashes["settings_hash"],
-            **machine,
-            mesh_sha256=shape.mesh_sha256,
-            label_provider=shape.label_provider,
-            resolution=report.resolution,
-            **report.facts(),
-        ),
+        provenance=facts,
     )
 
 
@@ -255,15 +321,16 @@ def measure_again(folder: Path) -> tuple[ResultRow, Scores]:
         InputError: Not a finished run's folder, or its ground truth is no longer there.
     """
     with phase("load", str(folder)):
-        cfg, shape = assembly.stored_truth(folder)
-        row = run_folder.stored_row(folder)
-    use_matmul(str(row.provenance.get("matmul", "default")))  # the last bits of the field depend on it
+        settings, shape = stored_truth(folder)
+        cfg, row = OmegaConf.create(settings), run_folder.stored_row(folder)
     field = JointField.load(folder / run_folder.FIELD)
     resolution = row.provenance["resolution"]
     assert isinstance(resolution, int), "a row without its grid"
-    with assembly.settings_errors(f"{folder / run_folder.CONFIG} is damaged"):
-        measures = assembly.measures(cfg, resolution)
-    with phase("extract", SURFACE):
-        _, mesh = extracted(field, measures, settle=False)
-    with phase("measure", AGAINST_TRUTH):
-        return row, measure(measures, shape, mesh, field.normalisation, None)
+    with build.settings_errors(f"{folder / run_folder.CONFIG} is damaged"):
+        measures = build.measures(cfg, resolution)
+    with process_settings():
+        use_matmul(str(row.provenance.get("matmul", "default")))  # the last bits of the field depend on it
+        with phase("extract", SURFACE):
+            _, mesh = extract(field, measures, refine=False)
+        with phase("measure", AGAINST_TRUTH):
+            return row, measure(measures, shape, mesh, field.normalisation, None)

@@ -26,8 +26,9 @@ from omegaconf import DictConfig
 from jointsdf.cli_logging import one_line, quiet_libraries
 from jointsdf.errors import InputError
 from jointsdf.phases import phase, run_named
-from jointsdf.runs import status as run_state
+from jointsdf.runs import status
 from jointsdf.runs.folder import FIELD
+from jointsdf.runs.lock import Busy
 from jointsdf.runs.row import ROW_FILE
 
 log = logging.getLogger(__name__)
@@ -42,7 +43,7 @@ PLAIN = ("shape", "seed")  # values on which nothing else in a config depends
 
 
 @dataclass
-class Driven:
+class ActiveSweep:
     """The sweep that this process drives; nothing is wanted in one that only works for another.
 
     Attributes:
@@ -56,7 +57,7 @@ class Driven:
     postponed: list[DictConfig] = field(default_factory=list)
 
 
-driven = Driven()
+active_sweep = ActiveSweep()
 
 
 class Sweep(Callback):
@@ -68,54 +69,53 @@ class Sweep(Callback):
         Raises:
             SystemExit: The chosen engine is not installed.
         """
-        global driven
+        global active_sweep
         quiet_libraries()
         with phase("start", "torch and lightning, then the runs of the sweep"):
             from jointsdf.experiment.build import folder_of
         quiet_libraries()  # those that came with it as well
         _check_engine(config)
         folders = [folder_of(cfg) for cfg in _wanted_configs(config)]
-        driven = Driven(list(dict.fromkeys(folders)))
-        for study in {folder.parents[3] for folder in driven.wanted}:
-            run_state.plan(study, [folder for folder in driven.wanted if folder.parents[3] == study])
-        if len(driven.wanted) < len(folders):
-            what = f"{len(folders)} runs share {len(driven.wanted)} folders"
+        active_sweep = ActiveSweep(list(dict.fromkeys(folders)))
+        for study in {folder.parents[3] for folder in active_sweep.wanted}:
+            status.plan(study, [folder for folder in active_sweep.wanted if folder.parents[3] == study])
+        if len(active_sweep.wanted) < len(folders):
+            what = f"{len(folders)} runs share {len(active_sweep.wanted)} folders"
             log.warning("%s: name what differs in variant=, e.g. 'variant=tap=${trunk.tap}'", what)
-        done = Counter(run_state.state(folder).kind for folder in driven.wanted)["done"]
-        log.info("%d runs wanted, %d of them finished before", len(driven.wanted), done)
+        done = Counter(status.state(folder).kind for folder in active_sweep.wanted)["done"]
+        log.info("%d runs wanted, %d of them finished before", len(active_sweep.wanted), done)
 
 
-def run_one(cfg: DictConfig, *, in_the_end: bool = False) -> float | None:
+def run_one(cfg: DictConfig, *, wait_for_others: bool = False) -> float | None:
     """One run of a sweep: its cd_l1, None where it failed or another process works on it.
 
     Args:
         cfg: The run's config.
-        in_the_end: Whether there is no other run left to go on with while another process works on this one. So it is
-            in a process that drives no sweep, too.
+        wait_for_others: Whether to wait for another process that works on this run, as a process that drives no sweep
+            always does.
     """
-    from jointsdf.experiment import build as assembly
-    from jointsdf.experiment import run as experiment
+    from jointsdf.experiment import build, run
     from jointsdf.experiment.summary import summary
 
     folder = None
     try:
-        assembly.checked(cfg)
-        folder = assembly.folder_of(cfg)
-        before = run_state.state(folder)
+        build.check_config(cfg)
+        folder = build.folder_of(cfg)
+        before = status.state(folder)
         if before.killed_twice:
             raise InputError(f"its process was killed twice at step {before.step}: is memory short?")
         with _quiet(), run_named(f"{cfg.head.name} {cfg.shape}"):
-            row = experiment.run(cfg, wait=in_the_end or not driven.wanted)
-    except run_state.Busy:
+            row = run.run(cfg, wait=wait_for_others or not active_sweep.wanted)
+    except Busy:
         log.info("%s: another process works on it; it is looked at again in the end", folder)
-        driven.postponed.append(cfg)
+        active_sweep.postponed.append(cfg)
         return None
     except Exception as error:  # whatever it is, the other runs do not care
         message = one_line(error) or f"{type(error).__name__}: {' '.join(str(error).split())}"
         where = "/".join(folder.parts[-4:]) + ": " if folder else ""
         log.error("error: %s%s", where, message)
         if folder:
-            run_state.fail(folder, message, error)
+            status.fail(folder, message, error)
         return None
     finally:
         gc.collect()  # the next run needs the memory
@@ -126,23 +126,23 @@ def run_one(cfg: DictConfig, *, in_the_end: bool = False) -> float | None:
 
 def wait_for_postponed() -> None:
     """Look again at the runs that other processes worked on: most are finished now, the others are done here."""
-    for cfg in driven.postponed:
-        run_one(cfg, in_the_end=True)
+    for cfg in active_sweep.postponed:
+        run_one(cfg, wait_for_others=True)
 
 
 def sum_up() -> int:
     """Say how the wanted runs stand, and forget them.
 
     Returns:
-        How many are not finished; 0 where no sweep was driven.
+        How many are not finished; 0 where no sweep was active_sweep.
     """
-    global driven
-    sweep, driven = driven, Driven()
+    global active_sweep
+    sweep, active_sweep = active_sweep, ActiveSweep()
     if not sweep.wanted:
         return 0
     kinds: Counter[str] = Counter()
     for folder in sweep.wanted:
-        state = run_state.state(folder)
+        state = status.state(folder)
         kinds[state.kind] += 1
         if state.kind == "failed":
             log.error("failed: %s: %s", folder, state.error)
@@ -201,13 +201,13 @@ def _quiet() -> Iterator[None]:
 
 def _progress(folder: Path) -> str:
     """The sweep so far, e.g. `[12/200, 1 failed, 3:10 h left]`; without the time in a process that drives no sweep."""
-    wanted = driven.wanted or run_state.planned(folder.parents[3])
-    kinds = Counter(run_state.state(folder).kind for folder in wanted)
-    new = sum(_finished_since(folder, driven.started) for folder in driven.wanted)
+    wanted = active_sweep.wanted or status.planned(folder.parents[3])
+    kinds = Counter(status.state(folder).kind for folder in wanted)
+    new = sum(_finished_since(folder, active_sweep.started) for folder in active_sweep.wanted)
     open_ = len(wanted) - kinds["done"] - kinds["failed"]
     parts = [f"{kinds['done']}/{len(wanted)}"]
     parts += [f"{kinds['failed']} failed"] if kinds["failed"] else []
-    parts += [f"{run_state.duration((time.time() - driven.started) / new * open_)} left"] if new and open_ else []
+    parts += [f"{status.duration((time.time() - active_sweep.started) / new * open_)} left"] if new and open_ else []
     return f"[{', '.join(parts)}]"
 
 

@@ -1,6 +1,7 @@
 """What TensorBoard shows of a run: previews on the way, and the finished result."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
@@ -12,6 +13,7 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from numpy import ndarray
 from torch.utils.tensorboard import SummaryWriter
 
+from jointsdf.errors import require_integer
 from jointsdf.evaluation.protocol import GroundTruth, Protocol
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.model.field import JointField
@@ -28,6 +30,27 @@ def extract(field: JointField, extraction: Extraction) -> LabelledMesh:
     return extraction.labelled_mesh(field.network_sdf, field.network_part, field.normalisation)
 
 
+@dataclass(frozen=True)
+class PreviewSettings:
+    """When previews are made, and on which grid.
+
+    Attributes:
+        every: Steps between two; 0 for none.
+        resolution: Grid points along each axis of the training box.
+
+    Raises:
+        InputError: A value out of its range.
+    """
+
+    every: int
+    resolution: int
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_integer("trainer.preview_every", self.every, 0)
+        require_integer("trainer.preview_resolution", self.resolution, 8, 256)
+
+
 class Preview(Callback):
     """Every so many steps: a coarse mesh, measured and pictured, in TensorBoard under `preview_<resolution>/`.
 
@@ -35,8 +58,7 @@ class Preview(Callback):
         writer: Where to.
         truth: Ground truth, file frame.
         protocol: How to measure; a coarse one, since this is only a preview.
-        extraction: A coarse grid.
-        every: Steps.
+        settings: When, and on which grid.
         picture: (truth, prediction) -> image.
     """
 
@@ -45,12 +67,11 @@ class Preview(Callback):
         writer: SummaryWriter,
         truth: LabelledMesh,
         protocol: Protocol,
-        extraction: Extraction,
-        every: int,
+        settings: PreviewSettings,
         picture: Callable[[LabelledMesh, LabelledMesh], UInt8[ndarray, "h w 3"]],
     ) -> None:
         self.writer, self.truth = writer, GroundTruth(truth, {"preview": protocol})
-        self.extraction, self.every, self.picture = extraction, every, picture
+        self.every, self.extraction, self.picture = settings.every, Extraction(settings.resolution), picture
 
     def on_train_batch_end(self, trainer: Trainer, pl_module: LightningModule, *_: Any) -> None:
         """Measure when it is time, but not at the very end, which is measured in full."""

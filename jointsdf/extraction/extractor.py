@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.errors import InputError
+from jointsdf.errors import require_integer, require_one_of
 from jointsdf.extraction.active_cells import cells_near_surface
 from jointsdf.extraction.face_labels import Label, majority, split
 from jointsdf.extraction.marching_cubes import march
@@ -56,14 +56,11 @@ class Extraction:
     chunk: int = 8192
 
     def __post_init__(self) -> None:
-        if self.method not in ("sparse", "dense"):
-            raise InputError(f"extraction.method={self.method}: use sparse or dense")
-        if self.borders not in ("majority", "split"):
-            raise InputError(f"extraction.borders={self.borders}: use majority or split")
-        if not 8 <= self.resolution <= 1024:
-            raise InputError(f"extraction.resolution={self.resolution}: use 8 to 1024 grid points per axis")
-        if self.chunk < 1:
-            raise InputError(f"extraction.chunk={self.chunk}: use at least 1 point")
+        """Check the ranges."""
+        require_one_of("extraction.method", self.method, ("sparse", "dense"))
+        require_one_of("extraction.borders", self.borders, ("majority", "split"))
+        require_integer("extraction.resolution", self.resolution, 8, 1024)
+        require_integer("extraction.chunk", self.chunk, 1)
 
     def surface(self, sdf: Sdf) -> Surface:
         """The zero level set of a field; empty where the field does not change sign.

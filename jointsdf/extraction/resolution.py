@@ -1,6 +1,7 @@
-"""The grid that a field's own surface needs, where the ground truth's thinnest wall alone does not tell."""
+"""Choice of the extraction grid: two cells across the thinnest wall, then refined until the topology is stable."""
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -8,27 +9,61 @@ import numpy as np
 
 from jointsdf.extraction.extractor import Extraction, Surface
 from jointsdf.extraction.sparse_grid import Sdf
-from jointsdf.geometry.mesh import face_normals, ray_hits
-from jointsdf.metrics.topology import topology
-from jointsdf.shapes.mesh_report import LADDER
+from jointsdf.geometry.mesh import face_normals
+from jointsdf.geometry.rays import ray_hits
+from jointsdf.geometry.topology import topology
 from jointsdf.values import BOX, LabelledMesh
+
+LADDER = (256, 384, 512, 768, 1024)  # resolutions to choose from
+FINEST = LADDER[-1]
+CELLS = 2  # cells that a wall needs across it
+MOST_POINTS = 30_000_000  # evaluated on the next grid, two minutes of two cores: a field with more to see is noise
+FEWEST_CLOSE = 8  # faces within a cell of another one: fewer are slivers of marching cubes
+FACING = -0.5  # largest cosine between the normals of two faces that look at each other
+LIFT = 4e-6  # of a ray's origin off its face, network length units
 
 log = logging.getLogger(__name__)
 
-MOST = (
-    30_000_000  # points that a finer sparse grid may take at the same share, two minutes of two cores: beyond is noise
-)
-FEWEST = 8  # faces that look at another from nearer than a cell, below which it is slivers of marching cubes by chance
-FACING = -0.5  # cosine between the normals of two faces that look at each other: below it
-LIFT = 4e-6  # of a ray's start off its face, network length units
+
+def cell_size(resolution: int) -> float:
+    """Edge of a cell of the grid over the training box, network length units."""
+    return 2 * BOX / (resolution - 1)
 
 
-def settled(extraction: Extraction, sdf: Sdf, ladder: Sequence[int] = LADDER) -> tuple[Extraction, Surface]:
-    """The first grid from the given one up whose surface has no piece, hole or handle that the next finer one has not.
+def resolution_for(wall: float) -> int:
+    """The coarsest grid of the ladder with `CELLS` cells across a wall; the finest where none has them.
 
-    A grid can open a wall or bridge a gap that is thinner than about one of its cells, so a surface without any such
-    place is taken as it is. Others are compared with the next finer grid's, until the numbers of pieces and handles
-    stay. Where the finest grid has such places too, or the next takes too long, that is said and the surface taken.
+    Args:
+        wall: Thickness, network length units.
+    """
+    return next((resolution for resolution in LADDER if wall >= CELLS * cell_size(resolution)), FINEST)
+
+
+def thin_wall_warning(wall: float, resolution: int, scale: float) -> str | None:
+    """One line where a wall is under `CELLS` cells of a grid, with the grid that holds it; None where it is not.
+
+    Args:
+        wall: Thickness, file units.
+        resolution: Points along each axis of the grid.
+        scale: File units per network unit.
+    """
+    cell = cell_size(resolution) * scale
+    if wall >= CELLS * cell:
+        return None
+    enough = math.ceil(CELLS * 2 * BOX * scale / wall) + 1
+    fix = f"give extraction.resolution={enough}" if enough <= FINEST else f"no grid up to {FINEST} can hold it"
+    return (
+        f"its thinnest wall ({wall:.3g}) is under {CELLS} cells of the grid (of {cell:.3g}): "
+        f"it will vanish or break; {fix}"
+    )
+
+
+def refine_until_stable(extraction: Extraction, sdf: Sdf, ladder: Sequence[int] = LADDER) -> tuple[Extraction, Surface]:
+    """Refine the grid until the number of components and the Euler characteristic stop changing.
+
+    A grid can open a wall or bridge a gap thinner than about one of its cells, so a surface without such a place is
+    taken as it is. Others are compared with the next finer grid's. Where the finest grid has such places too, or the
+    next takes too long, a warning says so and the surface is taken.
 
     Args:
         extraction: The coarsest grid to take.
@@ -36,30 +71,30 @@ def settled(extraction: Extraction, sdf: Sdf, ladder: Sequence[int] = LADDER) ->
         ladder: Resolutions, ascending.
 
     Returns:
-        What was settled on, and its surface.
+        The extraction with the resolution found, and its surface.
     """
     surface = extraction.surface(sdf)
     finer = [resolution for resolution in ladder if resolution > extraction.resolution]
-    while (close := close_faces(surface, extraction.resolution)) >= FEWEST:
+    while (close := count_close_faces(surface, extraction.resolution)) >= FEWEST_CLOSE:
         thin = f"{extraction.resolution}^3: {close} of {len(surface.faces)} faces are within a cell of another one"
-        if not finer or (extraction.method == "sparse" and surface.evaluated * finer[0] ** 3 > MOST):
+        if not finer or (extraction.method == "sparse" and surface.evaluated * finer[0] ** 3 > MOST_POINTS):
             reason = f"{finer[0]}^3 would take too long" if finer else "no finer grid is left"
             log.warning("%s: walls may be broken and gaps bridged there; %s", thin, reason)
             break
         other = replace(extraction, resolution=finer.pop(0))
         log.info("%s: compared with %d^3", thin, other.resolution)
         compared = other.surface(sdf)
-        if pieces_and_handles(surface) == pieces_and_handles(compared):
+        if components_and_euler(surface) == components_and_euler(compared):
             break
         extraction, surface = other, compared
     return extraction, surface
 
 
-def close_faces(surface: Surface, resolution: int) -> int:
-    """How many faces look at another, through a wall or across a gap, from nearer than a cell of the grid."""
+def count_close_faces(surface: Surface, resolution: int) -> int:
+    """Number of faces that look at another, through a wall or across a gap, from nearer than a cell of the grid."""
     normals = face_normals(surface.vertices, surface.faces)
     corners = surface.vertices[surface.faces]
-    centres, cell = corners.mean(axis=1), 2 * BOX / (resolution - 1)
+    centres, cell = corners.mean(axis=1), cell_size(resolution)
     close = np.zeros(len(corners), dtype=bool)
     if not len(corners):
         return 0
@@ -69,7 +104,7 @@ def close_faces(surface: Surface, resolution: int) -> int:
     return int(close.sum())
 
 
-def pieces_and_handles(surface: Surface) -> tuple[float, float]:
-    """Components and Euler number."""
+def components_and_euler(surface: Surface) -> tuple[float, float]:
+    """Number of connected components and Euler characteristic of a surface."""
     found = topology(LabelledMesh(surface.vertices, surface.faces, np.zeros(len(surface.faces), dtype=np.int64)))
     return found["components"], found["euler"]

@@ -5,15 +5,16 @@ itself. A fold turns the sign of all the space that it is nearest to, so points 
 The sign of any other mesh is that of the generalised winding number: right away from the holes, a guess near them.
 """
 
+from dataclasses import replace
+
 import igl
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from jointsdf.values import LabelledMesh
+from jointsdf.geometry.topology import components
+from jointsdf.values import LabelledMesh, Normalisation, Shape
 
 # Distances from which signs are put to the vote, of the longest side; from the second where the first found a fold.
 VOTING = (0.01, 0.0003)
@@ -104,6 +105,17 @@ class ExactDistance:
         return np.where(winding > 0.5, -1.0, 1.0) * distances
 
 
+def network_distance(shape: Shape, normalisation: Normalisation) -> ExactDistance:
+    """The exact signed distance of a shape, asked and answered in the network frame.
+
+    Args:
+        shape: Ground truth, file frame.
+        normalisation: File frame -> network frame.
+    """
+    vertices = normalisation.forward(shape.mesh.vertices)
+    return ExactDistance(replace(shape.mesh, vertices=vertices), watertight=shape.watertight)
+
+
 def agreed(points: Float[ndarray, "n 3"], distances: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
     """The distances with the sign of most of the points that no surface separates from each.
 
@@ -114,8 +126,7 @@ def agreed(points: Float[ndarray, "n 3"], distances: Float[ndarray, " n"]) -> Fl
     apart, other = KDTree(points).query(points, min(NEIGHBOURS, len(points)), workers=-1)
     within = apart < np.maximum(np.abs(distances)[:, None], np.abs(distances)[other])
     one = np.repeat(np.arange(len(points)), within.sum(axis=1))
-    links = coo_array((np.ones(len(one)), (one, other[within])), shape=(len(points),) * 2)
-    group = connected_components(links, directed=False)[1]
+    group = components(np.stack([one, other[within]], axis=1), len(points))
     votes = np.bincount(group, np.sign(distances))[group]
     return np.where(votes == 0, distances, np.copysign(distances, votes))
 

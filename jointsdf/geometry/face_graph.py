@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from jointsdf.geometry.topology import components
 from jointsdf.values import UNLABELLED, LabelledMesh
 
 CREASE = np.radians(32.0)  # a cylinder of twelve segments (30 degrees) stays one region
@@ -60,15 +59,6 @@ def smooth_regions(graph: FaceGraph, patches: Int[ndarray, " f"] | None) -> Int[
     one, other = known[graph.pairs].T
     joined = (one == other) & ((one != UNLABELLED) | (np.abs(graph.angles) < CREASE))
     return components(graph.pairs[joined], graph.num_faces)
-
-
-def components(pairs: Int[ndarray, "p 2"], count: int) -> Int[ndarray, " n"]:
-    """Component of each of `count` nodes, numbered by their first nodes."""
-    edges = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    _, found = connected_components(edges, directed=False)
-    _, first, compact = np.unique(found, return_index=True, return_inverse=True)
-    numbers: Int[ndarray, " n"] = np.argsort(np.argsort(first))[compact]
-    return numbers
 
 
 def _sharing_an_edge(ends: Int[ndarray, "h 2"], num_vertices: int) -> tuple[Int[ndarray, " p"], Int[ndarray, " p"]]:

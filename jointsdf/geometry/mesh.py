@@ -35,40 +35,13 @@ def face_normals(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) ->
 
 def face_areas(mesh: LabelledMesh) -> Float[ndarray, " f"]:
     """Area of each face, mesh units squared."""
-    a, b, c = mesh.vertices.astype(np.float64)[mesh.faces.T]
-    return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    vertices, faces = mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64)
+    return np.asarray(igl.doublearea(np.ascontiguousarray(vertices), np.ascontiguousarray(faces)) / 2)
 
 
 def relative_area(mesh: LabelledMesh) -> float:
     """Surface area of a mesh in squares of half its longest side: 24 for a cube."""
     return float(face_areas(mesh).sum() / _half_side(mesh) ** 2)
-
-
-def ray_lengths(
-    corners: Float[ndarray, "f 3 3"], origins: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]
-) -> Float[ndarray, " n"]:
-    """How far rays go until they meet a face; infinite where they meet none. The arguments are those of `ray_hits`."""
-    return ray_hits(corners, origins, directions)[0]
-
-
-def ray_hits(
-    corners: Float[ndarray, "f 3 3"], origins: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]
-) -> tuple[Float[ndarray, " n"], Int[ndarray, " n"]]:
-    """How far rays go until they meet a face, and which: infinite and -1 where they meet none.
-
-    Args:
-        corners: Of the faces, in a frame where the mesh is at most about 1 across: the rays are cast in float32.
-        origins: Where the rays start, same frame.
-        directions: Unit vectors.
-    """
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
-    scene = EmbreeScene()
-    TriangleMesh(scene, corners.astype(np.float32))
-    hits = scene.run(origins.astype(np.float32), directions.astype(np.float32), output=True)
-    faces = hits["primID"].astype(np.int64)
-    return np.where(faces < 0, np.inf, hits["tfar"].astype(np.float64)), faces
 
 
 def edge_keys(faces: Int[ndarray, "f 3"], vertices: int) -> Int[ndarray, " e"]:

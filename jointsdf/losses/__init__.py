@@ -4,13 +4,27 @@
 """
 
 from collections.abc import Mapping
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import Literal, Protocol, runtime_checkable
 
 from jaxtyping import Float
 from torch import Tensor
 
-from jointsdf.model.derivatives import Mixed
 from jointsdf.values import Step
+
+
+@dataclass(frozen=True)
+class Mixed:
+    """How to compute the mixed second derivative u^T H v.
+
+    Attributes:
+        derivative: `exact` (closed form) or `finite_difference` (symmetric four-point stencil).
+        spacing: h of the stencil, network length units; the paper's follow-up uses 0.05.
+    """
+
+    derivative: Literal["exact", "finite_difference"] = "exact"
+    spacing: float = 0.05
+
 
 Needs = Mapping[str, frozenset[str | Mixed]]
 

@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from jointsdf.errors import require_number
 from jointsdf.losses import Needs
 from jointsdf.values import Step
 
@@ -19,6 +20,10 @@ class SignAgnostic:
     """
 
     alpha: float = 100.0
+
+    def __post_init__(self) -> None:
+        """Check the decay."""
+        require_number("loss.terms.sign_agnostic.alpha", self.alpha, 0)
 
     @property
     def needs(self) -> Needs:

@@ -7,8 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from jointsdf.errors import InputError
-from jointsdf.losses import Needs
-from jointsdf.model.derivatives import Mixed
+from jointsdf.losses import Mixed, Needs
 from jointsdf.values import Step
 
 

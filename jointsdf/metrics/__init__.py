@@ -6,20 +6,15 @@ is known of a mesh serves its samples in every frame.
 """
 
 import math
-import weakref
-from collections.abc import Callable
-from concurrent.futures import Future
-from threading import Lock
-from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from jointsdf.geometry.caching import cached_by_identity
 from jointsdf.geometry.distance import ClosestPoint, in_space_order
 from jointsdf.values import LabelledMesh, SurfaceSamples
-
-Result = TypeVar("Result")
 
 
 @runtime_checkable
@@ -63,29 +58,7 @@ class Projection(NamedTuple):
     faces: Int[ndarray, " n"]
 
 
-def remembered(function: Callable[..., Result]) -> Callable[..., Result]:
-    """Remember a function of sample sets or meshes for as long as all of them live; threads wait for each other."""
-    known: dict[tuple[int, ...], Future[Result]] = {}
-    looking = Lock()
-
-    def answer(*surfaces: SurfaceSamples | LabelledMesh) -> Result:
-        key = tuple(map(id, surfaces))  # arrays make them unhashable, so identity is the key
-        with looking:
-            first = key not in known
-            future = known.setdefault(key, Future())
-        if first:
-            for one in surfaces:
-                weakref.finalize(one, known.pop, key, None)
-            try:
-                future.set_result(function(*surfaces))
-            except BaseException as error:
-                future.set_exception(error)
-        return future.result()
-
-    return answer
-
-
-@remembered
+@cached_by_identity
 def match(predicted: SurfaceSamples, truth: SurfaceSamples) -> Matching:
     """Nearest neighbours of two non-empty sample sets in each other, exact."""
     return Matching(*_nearest(predicted.points, truth), *_nearest(truth.points, predicted))
@@ -98,13 +71,13 @@ def _nearest(points: Float[ndarray, "n 3"], among: SurfaceSamples) -> tuple[Floa
     return distances, nearest
 
 
-@remembered
+@cached_by_identity
 def closest_point(mesh: LabelledMesh) -> ClosestPoint:
     """Closest points on a mesh."""
     return ClosestPoint(mesh)
 
 
-@remembered
+@cached_by_identity
 def project(samples: SurfaceSamples, onto: SurfaceSamples) -> Projection:
     """Closest point of the mesh under `onto` for every one of `samples`, exact; both in one frame."""
     distances, faces = closest_point(onto.mesh).query(onto.frame.inverse(samples.points))

@@ -8,8 +8,9 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.spatial import KDTree
 
+from jointsdf.geometry.caching import cached_by_identity
 from jointsdf.geometry.mesh import border_edges
-from jointsdf.metrics import remembered, unscored
+from jointsdf.metrics import unscored
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
 
@@ -53,7 +54,7 @@ class Boundary:
         return float(lengths[np.isfinite(distances)].sum() / lengths.sum())
 
 
-@remembered
+@cached_by_identity
 def _border(mesh: LabelledMesh) -> Int[ndarray, "e 2"]:
     return border_edges(mesh)
 

@@ -5,8 +5,7 @@ asking a fitted field.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -30,19 +29,6 @@ class Trace(NamedTuple):
     sdf: Float[Tensor, " n"]
     sines: list[Float[Tensor, "n w"]]
     cosines: list[Float[Tensor, "n w"]]
-
-
-@dataclass(frozen=True)
-class Mixed:
-    """How to compute the mixed second derivative u^T H v.
-
-    Attributes:
-        derivative: `exact` (closed form) or `finite_difference` (symmetric four-point stencil).
-        spacing: h of the stencil, network length units; the paper's follow-up uses 0.05.
-    """
-
-    derivative: Literal["exact", "finite_difference"] = "exact"
-    spacing: float = 0.05
 
 
 def trace(layers: Sequence[SineLayer], output: nn.Linear, points: Float[Tensor, "n 3"], *, with_cosines: bool) -> Trace:

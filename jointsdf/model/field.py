@@ -82,6 +82,8 @@ class JointField(nn.Module):
             raise InputError(f"head={name}: accepted are {', '.join(HEADS)}")
         try:
             self.head = HEADS[name](self.trunk.feature_width, len(part_ids), **knobs)
+        except InputError:
+            raise
         except (TypeError, ValueError) as error:
             raise InputError(f"head {name} with {knobs}: {first_line(error)}") from error
         self.register_buffer("part_ids", torch.as_tensor(np.asarray(part_ids, dtype=np.int64)))

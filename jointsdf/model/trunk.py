@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from jointsdf.errors import InputError
+from jointsdf.errors import InputError, require_integer, require_number, require_one_of
 from jointsdf.model.derivatives import trace
 from jointsdf.model.layers import SineLayer, hidden_sine, sine_, start_uniform
 from jointsdf.values import BOX
@@ -43,14 +43,13 @@ class SirenTrunk(nn.Module):
         init: Literal["siren", "sphere"] = "siren",
     ) -> None:
         super().__init__()
-        if min(width, depth, omega, hidden_omega) <= 0:
-            raise InputError(
-                f"trunk: width={width} depth={depth} omega={omega} hidden_omega={hidden_omega}: all must be > 0"
-            )
-        if not 1 <= tap <= depth:
+        require_integer("trunk.width", width, 1, 65536)
+        require_integer("trunk.depth", depth, 1, 256)
+        require_number("trunk.omega", omega, 1e-6, 1e6)
+        require_number("trunk.hidden_omega", hidden_omega, 1e-6, 1e6)
+        if not isinstance(tap, int) or not 1 <= tap <= depth:
             raise InputError(f"trunk.tap={tap}: accepted are 1..{depth}, the trunk's layers")
-        if init not in ("siren", "sphere"):
-            raise InputError(f"trunk.init={init}: accepted are siren, sphere")
+        require_one_of("trunk.init", init, ("siren", "sphere"))
         self.tap = tap
         hidden = [hidden_sine(width, width, omega=hidden_omega) for _ in range(depth - 1)]
         self.layers = nn.ModuleList([SineLayer(3, width, omega=omega, weight_bound=1 / 3), *hidden])

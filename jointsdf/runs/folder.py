@@ -9,8 +9,10 @@ from typing import Any
 import yaml
 
 from jointsdf.errors import InputError
-from jointsdf.runs.row import ROW_FILE, ResultRow, config_hash, read_row, write_atomically
-from jointsdf.runs.status import LOCK, STATUS
+from jointsdf.runs.files import write_atomically
+from jointsdf.runs.lock import LOCK
+from jointsdf.runs.row import ROW_FILE, ResultRow, config_hash, read_row
+from jointsdf.runs.status import STATUS
 
 CONFIG, CHECKPOINT, FIELD, BOARD = "config.yaml", "last.ckpt", "field.ckpt", "tb"
 REUSED = "reused_from"  # in a row's provenance: the run or the file that it was taken from

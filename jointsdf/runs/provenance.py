@@ -1,5 +1,6 @@
 """Where a row's numbers come from: code, configuration, library versions, machine and date. Imports no torch."""
 
+import hashlib
 import os
 import platform
 import subprocess
@@ -7,6 +8,7 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
 from pathlib import Path
+from typing import NamedTuple
 
 from jointsdf.runs.row import Fact
 
@@ -15,17 +17,31 @@ UNKNOWN = "unknown"
 PACKAGE = Path(__file__).parents[1]
 
 
-def provenance(*, config_hash: str, **facts: Fact) -> dict[str, Fact]:
+class CodeState(NamedTuple):
+    """The code that runs.
+
+    Attributes:
+        commit: Of the checkout; `unknown` where git does not track the code.
+        dirty: Whether it was changed since; `unknown` likewise.
+        sha256: Of all Python files of the package.
+    """
+
+    commit: str
+    dirty: bool | str
+    sha256: str
+
+
+def provenance(code: CodeState, *, config_hash: str, **facts: Fact) -> dict[str, Fact]:
     """Collect what made a row: code, configuration, library versions, machine and date (UTC).
 
     Args:
-        config_hash: From `results.config_hash`.
+        code: From `code_state`, at the start of the run.
+        config_hash: From `row.config_hash`.
         **facts: What only the run knows: device, mesh_sha256, label_provider, ...
     """
-    commit, dirty = code_state()
     return {
-        "commit": commit,
-        "dirty": dirty,
+        "commit": code.commit,
+        "dirty": code.dirty,
         "config_hash": config_hash,
         "python": platform.python_version(),
         "versions": {name: _version(name) for name in LIBRARIES},
@@ -36,11 +52,12 @@ def provenance(*, config_hash: str, **facts: Fact) -> dict[str, Fact]:
 
 
 @cache
-def code_state(folder: Path = PACKAGE) -> tuple[str, bool | str]:
-    """Commit of the code in `folder` and whether it was changed since; unknown where git does not track it.
+def code_state(folder: Path = PACKAGE) -> CodeState:
+    """State of the code in `folder`, read once per process.
 
-    Asked once per process, at the start of its first run: what runs is what was loaded then, wherever the branch moves.
+    Ask at the start of a run: what runs is what was loaded then, wherever the branch moves.
     """
+    content = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(folder.rglob("*.py")))).hexdigest()
 
     def git(*arguments: str) -> str:
         done = subprocess.run(
@@ -50,9 +67,9 @@ def code_state(folder: Path = PACKAGE) -> tuple[str, bool | str]:
 
     try:
         git("ls-files", "--error-unmatch", "values.py")  # an installed copy inside someone's repository is not it
-        return git("rev-parse", "HEAD"), bool(git("status", "--porcelain", "--", ".", "../conf"))
+        return CodeState(git("rev-parse", "HEAD"), bool(git("status", "--porcelain", "--", ".", "../conf")), content)
     except (OSError, subprocess.SubprocessError):
-        return UNKNOWN, UNKNOWN
+        return CodeState(UNKNOWN, UNKNOWN, content)
 
 
 def _version(distribution: str) -> str:

@@ -6,13 +6,14 @@ Imports no torch, so that tables and reports are made on a machine without it.
 import hashlib
 import json
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, NoReturn, get_origin
 
 import numpy as np
+
+from jointsdf.runs.files import write_atomically
 
 SCHEMA = 1
 ROW_FILE = "result.json"
@@ -56,24 +57,6 @@ class ResultRow:
     scores: dict[str, dict[str, float]]
     provenance: dict[str, Fact]
     schema: int = SCHEMA
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Replace the file's text in one step: a reader sees the old text or the new one, never half of it.
-
-    Raises:
-        OSError: The folder cannot be written or the disk is full. The old file is then untouched.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def write_row(folder: Path, row: ResultRow) -> Path:

@@ -1,30 +1,23 @@
-"""How runs stand, as the disk says: who works on a run folder, how far it is, how it failed; which runs a study wants.
+"""Run status on disk: progress, failures, planned runs.
 
 Imports no torch.
 """
 
-import fcntl
 import json
-import logging
 import os
 import socket
 import time
 import traceback
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
-from jointsdf.runs.row import ROW_FILE, write_atomically
+from jointsdf.runs.files import write_atomically
+from jointsdf.runs.lock import is_locked
+from jointsdf.runs.row import ROW_FILE
 
-LOCK, STATUS, TRACEBACK, PLAN = ".lock", "status.json", "traceback.txt", "sweep.json"
-
-log = logging.getLogger(__name__)
-
-
-class Busy(Exception):
-    """Another process writes the run folder."""
+STATUS, TRACEBACK, PLAN = "status.json", "traceback.txt", "sweep.json"
 
 
 @dataclass(frozen=True)
@@ -46,47 +39,6 @@ class RunState:
     seconds: float = 0.0
     error: str = ""
     killed_twice: bool = False
-
-
-@contextmanager
-def lock(folder: Path, *, wait: bool) -> Iterator[None]:
-    """Keep every other process out of the run folder; the lock dies with its process.
-
-    Args:
-        folder: Made where it is not there.
-        wait: Whether to wait for another process to finish its work there.
-
-    Raises:
-        Busy: Another process holds it, and `wait` is false.
-    """
-    path = folder / LOCK
-    while True:
-        folder.mkdir(parents=True, exist_ok=True)
-        with path.open("w") as file:
-            _acquire(file, folder, wait)
-            if _is(path, file):  # else its holder has removed it meanwhile
-                try:
-                    yield
-                finally:
-                    path.unlink(missing_ok=True)
-                return
-
-
-def _acquire(file: IO[str], folder: Path, wait: bool) -> None:
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        if not wait:
-            raise Busy(folder) from None
-        log.info("%s: another process works on it; waiting for that one", folder)
-        fcntl.flock(file, fcntl.LOCK_EX)
-
-
-def _is(path: Path, file: IO[str]) -> bool:
-    try:
-        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
-    except FileNotFoundError:
-        return False
 
 
 def begin(folder: Path) -> None:
@@ -124,7 +76,7 @@ def state(folder: Path) -> RunState:
     """How the folder's run stands."""
     found = _status(folder)
     step, steps, seconds = int(found.get("step", 0)), int(found.get("steps", 0)), float(found.get("seconds", 0))
-    if _locked(folder):
+    if is_locked(folder):
         return RunState("running", step, steps, seconds)
     if found.get("state") == "failed":
         return RunState("failed", error=str(found.get("error")))
@@ -159,17 +111,6 @@ def duration(seconds: float) -> str:
     if seconds < 59.5:
         return f"{seconds:.0f} s"
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60}:{minutes % 60:02d} h"
-
-
-def _locked(folder: Path) -> bool:
-    try:
-        with (folder / LOCK).open() as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except FileNotFoundError:
-        return False
-    except BlockingIOError:
-        return True
-    return False
 
 
 def _status(folder: Path) -> dict[str, Any]:

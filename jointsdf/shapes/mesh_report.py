@@ -1,17 +1,17 @@
-"""What a run should know of its mesh before it starts: repairs, contacts, walls too thin for the grid, parts."""
+"""Report on a ground-truth mesh before the fit: repairs, near contacts, buried faces, thinnest wall, parts."""
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import igl
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from jointsdf.geometry.mesh import area_uniform, face_areas, face_normals, ray_lengths
-from jointsdf.values import BOX, UNLABELLED, LabelledMesh, Shape
+from jointsdf.geometry.mesh import area_uniform, face_areas, face_normals
+from jointsdf.geometry.rays import ray_lengths
+from jointsdf.geometry.topology import count_components
+from jointsdf.values import UNLABELLED, LabelledMesh, Shape
 
 SAMPLES, WINDINGS = 10000, 2000  # points on the surface for rays, and for winding numbers
 CONTACT = 1e-4  # of the longest side: faces nearer than that may touch
@@ -19,9 +19,6 @@ LIFT = 2e-6  # of what starts outside or inside a face, off the surface, of the 
 WITHIN = 0.4  # winding number outside a face, above which the face lies within: a sheet inside a solid has 0.5 there
 THINNEST = 0.01  # share of the surface whose walls are as thin as the thinnest one, or thinner
 SUSPECT = 0.001  # share of points from which rays or windings say something; fewer are edges and corners
-CELLS = 2  # grid cells that a wall needs
-LADDER = (256, 384, 512, 768, 1024)  # resolutions that a wall is given: the first with so many cells across it
-FINEST = LADDER[-1]
 LISTED = 24  # parts on the screen
 
 logger = logging.getLogger(__name__)
@@ -41,8 +38,6 @@ class MeshReport:
         contacts: Share of the surface nearer than 1e-4 of the longest side to another face, inward or outward.
         buried: Share of the surface that lies inside the solid: bodies overlap or touch, or there are faces within.
         wall: Thickness that 1% of the surface's walls are below; infinite where no ray meets a wall.
-        cell: Edge of a cell of the extraction grid.
-        resolution: Points along each axis of that grid.
         parts: Each part's id and share of the area, largest first.
     """
 
@@ -55,17 +50,19 @@ class MeshReport:
     contacts: float
     buried: float
     wall: float
-    cell: float
-    resolution: int
     parts: tuple[tuple[int, float], ...]
 
-    def lines(self) -> list[str]:
-        """The report as text, at most a screen."""
+    def lines(self, cell: float) -> list[str]:
+        """The report as text, at most a screen.
+
+        Args:
+            cell: Edge of a cell of the extraction grid, file units.
+        """
         pieces = "1 component" if self.components == 1 else f"{self.components} components"
         repairs = f"{self.flipped} faces flipped, {self.dropped} dropped"
         shown = [f"{part}: {share:.1%}" for part, share in self.parts[:LISTED]]
         more = [f"and {len(self.parts) - LISTED} more"] if len(self.parts) > LISTED else []
-        cells = f"{self.wall:.4g}, {self.wall / self.cell:.1f} cells of the grid (1% of the walls are thinner)"
+        cells = f"{self.wall:.4g}, {self.wall / cell:.1f} cells of the grid (1% of the walls are thinner)"
         return [
             f"{self.name}: {self.faces} faces, {pieces}, {'watertight' if self.watertight else 'not watertight'}",
             f"  repairs       {repairs if self.flipped or self.dropped else 'none'}",
@@ -87,22 +84,11 @@ class MeshReport:
                 f"{self.name}: {self.contacts:.1%} of the surface nearly touches another face: the field will join or "
                 "open such places"
             )
-        if self.wall < CELLS * self.cell:
-            enough = int(np.ceil(CELLS * self.cell * (self.resolution - 1) / self.wall)) + 1
-            fix = f"give extraction.resolution={enough}" if enough <= FINEST else f"no grid up to {FINEST} can hold it"
-            found.append(
-                f"{self.name}: its thinnest wall ({self.wall:.3g}) is under {CELLS} cells of the grid (of "
-                f"{self.cell:.3g}): it will vanish or break; {fix}"
-            )
         return found
 
-    def on_grid(self, resolution: int) -> "MeshReport":
-        """The same with another extraction grid."""
-        return replace(self, resolution=resolution, cell=self.cell * (self.resolution - 1) / (resolution - 1))
-
-    def log(self) -> None:
-        """Say the lines, and warn."""
-        for line in self.lines():
+    def log(self, cell: float) -> None:
+        """Log the lines, and the warnings; the argument is that of `lines`."""
+        for line in self.lines(cell):
             logger.info(line)
         for line in self.warnings():
             logger.warning(line)
@@ -118,18 +104,11 @@ class MeshReport:
             "near_contact": round(self.contacts, 5),
             "inside_solid": round(self.buried, 5),
             "thinnest_wall": self.wall,
-            "grid_cell": self.cell,
         }
 
 
-def mesh_report(shape: Shape, scale: float, resolution: int | str) -> MeshReport:
-    """Measure a shape. The points are the same in every run.
-
-    Args:
-        shape: File frame.
-        scale: File units per network unit.
-        resolution: Points along each axis of the extraction grid; `auto`: as many as the thinnest wall needs.
-    """
+def mesh_report(shape: Shape) -> MeshReport:
+    """Measure a shape in the file frame. The sample points are the same in every run."""
     mesh = shape.mesh
     areas = face_areas(mesh)
     labelled = mesh.labels != UNLABELLED
@@ -142,30 +121,18 @@ def mesh_report(shape: Shape, scale: float, resolution: int | str) -> MeshReport
     inward, outward = _reach(corners, points, -normals), _reach(corners, points, normals)
     near = (inward < CONTACT) | (outward < CONTACT)
     wall = float(np.quantile(inward, THINNEST, method="lower")) * size
-    points_along = resolution_for(wall / scale) if resolution == "auto" else int(resolution)
     return MeshReport(
         shape.name,
         len(mesh.faces),
-        _components(mesh),
+        count_components(mesh.faces),
         shape.watertight,
         shape.flipped,
         shape.dropped,
         float(near.mean()),
         _buried(corners, points, normals),
         wall,
-        2 * BOX * scale / (points_along - 1),
-        points_along,
         tuple((int(mesh.part_ids[part]), float(part_areas[part] / areas.sum())) for part in order),
     )
-
-
-def resolution_for(wall: float) -> int:
-    """The coarsest grid of the ladder with `CELLS` cells across a wall; the finest where none has them.
-
-    Args:
-        wall: Thickness, network length units.
-    """
-    return next((resolution for resolution in LADDER if wall * (resolution - 1) >= CELLS * 2 * BOX), FINEST)
 
 
 def _in_box(mesh: LabelledMesh) -> tuple[Float[ndarray, "v 3"], float]:
@@ -173,13 +140,6 @@ def _in_box(mesh: LabelledMesh) -> tuple[Float[ndarray, "v 3"], float]:
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     size = float((high - low).max())
     return (mesh.vertices - (low + high) / 2) / size, size
-
-
-def _components(mesh: LabelledMesh) -> int:
-    ends = mesh.faces[:, [0, 1]].T, mesh.faces[:, [1, 2]].T
-    one, other = np.concatenate(ends, axis=1)
-    graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(mesh.vertices),) * 2)
-    return int(connected_components(graph, directed=False)[0])
 
 
 def _reach(

@@ -7,10 +7,9 @@ import igl
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from jointsdf.errors import InputError
+from jointsdf.geometry.topology import count_components, signed_volume
 
 COARSE, SLOW = 10, 2_000_000  # faces: at most, at least
 
@@ -36,7 +35,7 @@ class Solid:
     flipped: int
 
 
-def cleaned(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> Solid:
+def repair_mesh(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> Solid:
     """Merge vertices by position, drop repeated and degenerate faces, wind outward; warn of what a user should know.
 
     Args:
@@ -117,8 +116,7 @@ def _orient(source: str, vertices: ndarray, faces: ndarray) -> tuple[Int[ndarray
             logger.warning("%s: has no outside (one-sided surface): the sign comes from the winding number", source)
             return faces, False
         logger.warning("%s: %d faces were inside out and are flipped to agree with the rest", source, disagreeing)
-    a, b, c = (vertices[faces[:, corner]] - vertices.mean(axis=0) for corner in range(3))
-    if np.einsum("ij,ij->", a, np.cross(b, c)) < 0:
+    if signed_volume(vertices, faces) < 0:
         logger.warning("%s: inside out (negative volume): all faces flipped", source)
         faces = faces[:, ::-1].copy()
     return faces, True
@@ -147,9 +145,7 @@ def _agreeing(faces: Int[ndarray, "f 3"]) -> tuple[Int[ndarray, "f 3"], int]:
 
 def _warn_of_size(source: str, faces: ndarray) -> None:
     """Warn of several components, very few and very many faces."""
-    ends = faces[:, [0, 1]].T.ravel(), faces[:, [1, 2]].T.ravel()
-    count = int(faces.max()) + 1
-    components, _ = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(count, count)), directed=False)
+    components = count_components(faces)
     if components > 1:
         logger.warning(
             "%s: %d separate components: one field describes them all, and small ones may be lost", source, components

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from jointsdf.runs.csv import FILE, rows_from_csv, rows_to_csv
-from jointsdf.runs.row import ResultRow, read_rows, write_atomically
+from jointsdf.runs.files import write_atomically
+from jointsdf.runs.row import ResultRow, read_rows
 from jointsdf.study.collect import identity
 
 

@@ -1,90 +1,88 @@
-"""What happens beside the training: checkpoints that lose little, and word of how far it is."""
+"""Checkpoints that lose little: written every so many seconds and at a stop, always between two steps."""
 
-import math
-import os
 import pickle
-import signal
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
 from typing import Any, NamedTuple
 
 import torch
 from lightning import Callback, LightningModule, Trainer
-from torch import Tensor
 
 from jointsdf.errors import InputError
-from jointsdf.phases import tell
+from jointsdf.runs.files import replacing
+from jointsdf.training.interruption import StopRequests
 from jointsdf.training.module import JointSDFModule
 
-TELL_SECONDS = 0.2
+
+@dataclass
+class TrainingClock:
+    """Seconds of training, those before an interruption included.
+
+    Attributes:
+        before: Seconds of earlier processes.
+        started: Start of this one's training, monotonic seconds.
+    """
+
+    before: float = 0.0
+    started: float = field(default_factory=time.monotonic)
+
+    @property
+    def seconds(self) -> float:
+        """Until now."""
+        return self.before + time.monotonic() - self.started
 
 
 class Checkpoints(Callback):
-    """Writes `path` every so many seconds and when the run is asked to stop, always between two steps, atomically.
+    """Writes the one checkpoint file of a fit.
 
     Args:
-        path: The one checkpoint file.
-        seconds: Between two writes: what kill -9 can cost.
+        path: The checkpoint file.
+        seconds: Between two writes, >= 0: the most that kill -9 can cost.
+        stop: Asked after every step.
         step: Step of the checkpoint that is at `path` already, 0 for none.
-        products: How the fit multiplies matrices, as `products.noted` puts it, for whoever goes on.
+        products: Choice of matrix products, as `matrix_products.noted` puts it, for the process that resumes.
+
+    Attributes:
+        saved_step: Step of the last checkpoint written.
+        clock: Seconds of training.
+
     """
 
-    def __init__(self, path: Path, seconds: float, step: int = 0, products: Mapping[str, Any] | None = None) -> None:
-        self.path, self.seconds, self.saved_step, self.products = path, seconds, step, products
-        self.asked_to_stop: int | None = None
-        self.saved_at = self.started_at = time.monotonic()
-        self.seconds_before = 0.0
-
-    @property
-    def seconds_trained(self) -> float:
-        """Seconds since the start of training, those before an interruption included."""
-        return self.seconds_before + time.monotonic() - self.started_at
-
-    @contextmanager
-    def stopping_between_steps(self) -> Iterator[None]:
-        """Within the block a first Ctrl-C or SIGTERM ends the run after the step in hand; a second one at once.
-
-        Raises:
-            SystemExit: One came, with the exit code that a shell gives it.
-        """
-        previous = self._take_over()
-        try:
-            yield
-            if self.asked_to_stop is not None:  # too late for a step, before the handlers go back
-                raise SystemExit
-        except SystemExit:
-            raise SystemExit(128 + (self.asked_to_stop or signal.SIGTERM)) from None
-        finally:
-            for number, handler in previous.items():
-                signal.signal(number, handler)
+    def __init__(
+        self,
+        path: Path,
+        seconds: float,
+        stop: StopRequests,
+        step: int = 0,
+        products: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.path, self.seconds, self.stop, self.saved_step, self.products = path, seconds, stop, step, products
+        self.saved_at, self.clock = time.monotonic(), TrainingClock()
 
     def state_dict(self) -> dict[str, Any]:
         """What the checkpoint keeps of this callback."""
-        return {"seconds_trained": self.seconds_trained, "products": self.products}
+        return {"seconds_trained": self.clock.seconds, "products": self.products}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
         """Go on counting."""
-        self.seconds_before = state_dict["seconds_trained"]
+        self.clock.before = state_dict["seconds_trained"]
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:  # noqa: ARG002
         """Start the clock, and take SIGTERM back from Lightning, which would end the run between two hooks."""
-        self._take_over()
-        self.saved_at = self.started_at = time.monotonic()
+        self.stop.take_over()
+        self.saved_at = self.clock.started = time.monotonic()
 
     def on_train_batch_end(self, trainer: Trainer, *_: Any) -> None:
         """Save when it is time.
 
         Raises:
-            SystemExit: Ctrl-C or SIGTERM came; the checkpoint is written.
+            SystemExit: A stop was asked for; the checkpoint is written.
         """
-        due = time.monotonic() - self.saved_at >= self.seconds
-        if due or self.asked_to_stop is not None:
+        if self.stop.signal is not None or time.monotonic() - self.saved_at >= self.seconds:
             self.save(trainer)
-        if self.asked_to_stop is not None:
-            raise SystemExit
+        self.stop.raise_if_asked()
 
     def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:  # noqa: ARG002
         """Save the fitted field, so that an interruption of what follows costs no training."""
@@ -92,47 +90,38 @@ class Checkpoints(Callback):
             self.save(trainer)
 
     def save(self, trainer: Trainer) -> None:
-        """Write the checkpoint and put it in place in one move; a broken field never replaces a good one."""
+        """Write the checkpoint; a field with NaN or infinite parameters never replaces a good one."""
         if not all(torch.isfinite(parameter).all() for parameter in trainer.lightning_module.parameters()):
             return
-        part = self.path.with_suffix(".part")
-        try:
-            trainer.save_checkpoint(part)
-            os.replace(part, self.path)
-        finally:
-            part.unlink(missing_ok=True)
+        with replacing(self.path) as temporary:
+            trainer.save_checkpoint(temporary)
         self.saved_at, self.saved_step = time.monotonic(), trainer.global_step
 
-    def _take_over(self) -> dict[signal.Signals, Any]:
-        """Handle both signals; returns who did so far."""
-        return {number: signal.signal(number, self._stop) for number in (signal.SIGINT, signal.SIGTERM)}
 
-    def _stop(self, number: int, _: FrameType | None) -> None:
-        again, self.asked_to_stop = self.asked_to_stop is not None, number
-        if again:
-            raise SystemExit
-
-
-class Stored(NamedTuple):
+class StoredCheckpoint(NamedTuple):
     """What is known of a checkpoint before the fit goes on from it.
 
     Attributes:
-        step: Steps done.
-        products: As `products.noted` put them.
+        step: Steps done; 0 without a checkpoint.
+        products: As `matrix_products.noted` put them.
     """
 
     step: int
     products: Mapping[str, Any] | None
 
 
-def stored(path: Path, module: JointSDFModule) -> Stored:
-    """The checkpoint to go on from; step 0 where there is none.
+def read_checkpoint(path: Path, module: JointSDFModule) -> StoredCheckpoint:
+    """Check the checkpoint to go on from.
+
+    Args:
+        path: Need not be there.
+        module: What the checkpoint must fit.
 
     Raises:
         InputError: It is truncated, not a checkpoint, or of a field of another size.
     """
     if not path.is_file():
-        return Stored(0, None)
+        return StoredCheckpoint(0, None)
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
         state, step = checkpoint["state_dict"], int(checkpoint["global_step"])
@@ -145,37 +134,4 @@ def stored(path: Path, module: JointSDFModule) -> Stored:
         if found != sizes.get(name):
             wanted = f"{name} is {found}, not {sizes.get(name)}"
             raise InputError(f"{path}: checkpoint of another field ({wanted}); resume=never starts the fit over")
-    return Stored(step, products)
-
-
-class Progress(Callback):
-    """Tells whoever watches steps done of all, loss and steps per second.
-
-    Args:
-        max_steps: Length of the run.
-    """
-
-    def __init__(self, max_steps: int) -> None:
-        self.max_steps = max_steps
-        self.told_at, self.told_step = 0.0, 0
-
-    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:  # noqa: ARG002
-        """Begin where a resumed run goes on."""
-        self.told_at, self.told_step = time.monotonic(), trainer.global_step
-        tell(trainer.global_step, self.max_steps)
-
-    def on_train_batch_end(
-        self,
-        trainer: Trainer,
-        pl_module: LightningModule,  # noqa: ARG002 (Lightning's signature)
-        outputs: Tensor | Mapping[str, Any] | None,
-        *_: Any,
-    ) -> None:
-        """Tell a few times a second: fetching the loss makes a GPU wait."""
-        step, seconds = trainer.global_step, time.monotonic() - self.told_at
-        if seconds < TELL_SECONDS and step < self.max_steps:
-            return
-        loss = float(outputs["loss"]) if isinstance(outputs, Mapping) else math.nan
-        speed = (step - self.told_step) / max(seconds, 1e-9)
-        tell(step, facts=f"loss {loss:.3f}  {speed:.1f} it/s")
-        self.told_at, self.told_step = time.monotonic(), step
+    return StoredCheckpoint(step, products)

@@ -2,44 +2,62 @@
 
 import errno
 import logging
-import os
-import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import torch
-from lightning import Callback, LightningDataModule, LightningModule, Trainer
+from lightning import Callback, LightningDataModule, Trainer
 from lightning.fabric.utilities.exceptions import MisconfigurationException
 from lightning.pytorch.callbacks import LearningRateMonitor
 from lightning.pytorch.loggers import TensorBoardLogger
 from torch.utils.tensorboard import SummaryWriter
 
-from jointsdf.errors import InputError
+from jointsdf.errors import InputError, require_number, require_one_of
 from jointsdf.model.field import JointField
+from jointsdf.runs.files import replacing
 from jointsdf.runs.folder import BOARD, CHECKPOINT
-from jointsdf.runs.status import report
 from jointsdf.threads import workers
-from jointsdf.training.checkpoints import Checkpoints, Progress, stored
+from jointsdf.training.checkpoints import Checkpoints, read_checkpoint
+from jointsdf.training.interruption import StopRequests
 from jointsdf.training.matrix_products import Products, machine_kind, noted, used
 from jointsdf.training.module import JointSDFModule
+from jointsdf.training.progress import Progress, StatusFile
+from jointsdf.training.settings import FitSettings
 
 log = logging.getLogger(__name__)
 
-REPORT_SECONDS = 5.0
+
+@dataclass(frozen=True)
+class FitMachine:
+    """Where and how a fit runs; none of it is part of a run's identity.
+
+    Attributes:
+        products: How matrices shall be multiplied; `auto` where that is to be measured.
+        accelerator: `auto`, `cpu` or `gpu`; one device.
+        checkpoint_seconds: Between two checkpoints: the most that kill -9 can cost.
+
+    Raises:
+        InputError: A value out of its range.
+    """
+
+    products: Products = Products()  # noqa: RUF009 (frozen)
+    accelerator: str = "auto"
+    checkpoint_seconds: float = 20.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_one_of("trainer.accelerator", self.accelerator, ("auto", "cpu", "gpu"))
+        require_number("trainer.checkpoint_seconds", self.checkpoint_seconds, 0)
 
 
 def fit(
     module: JointSDFModule,
     data: LightningDataModule,
     folder: Path,
+    machine: FitMachine,
     *,
-    products: Products,
-    accelerator: str,
-    checkpoint_seconds: float,
-    log_every: int,
-    preview: Callable[[SummaryWriter], Callback] | None,
+    preview: Callable[[SummaryWriter], Callback] | None = None,
 ) -> tuple[float, dict[str, str | int]]:
     """Train to the module's `max_steps`, going on from the folder's checkpoint where there is one.
 
@@ -47,10 +65,7 @@ def fit(
         module: What is trained; on the CPU and in evaluation mode afterwards.
         data: Its samples.
         folder: The run folder.
-        products: How matrices shall be multiplied; `auto` where that is to be measured.
-        accelerator: `auto`, `cpu` or `gpu`.
-        checkpoint_seconds: What kill -9 can cost.
-        log_every: Steps between two TensorBoard points.
+        machine: Where and how.
         preview: Makes the callback that looks at the run under way.
 
     Returns:
@@ -60,57 +75,33 @@ def fit(
         InputError: The checkpoint cannot be read, or a loss is not finite.
         SystemExit: Ctrl-C or SIGTERM; the checkpoint is written.
     """
-    path, steps, threads = folder / CHECKPOINT, module.max_steps, workers()
-    done, before = stored(path, module)
-    gpu = accelerator != "cpu" and torch.cuda.is_available()
+    path, steps, threads = folder / CHECKPOINT, module.settings.max_steps, workers()
+    done, before = read_checkpoint(path, module)
+    gpu = machine.accelerator != "cpu" and torch.cuda.is_available()
     sizes = replace(module.sizes, device=torch.device("cuda" if gpu else "cpu"))
-    module.products = used(products, sizes, before)
+    module.products = used(machine.products, sizes, before)
     if done:
         log.info("going on from step %d of %d", done, steps)
     board = board_of(folder, purge_step=done or None)  # what was logged after the checkpoint comes again
-    checkpoints = Checkpoints(path, checkpoint_seconds, done, noted(module.products, sizes))
-    callbacks: list[Callback] = [checkpoints, LearningRateMonitor("step"), StatusFile(folder, checkpoints)]
+    stop = StopRequests()
+    checkpoints = Checkpoints(path, machine.checkpoint_seconds, stop, done, noted(module.products, sizes))
+    callbacks: list[Callback] = [checkpoints, LearningRateMonitor("step"), StatusFile(folder, checkpoints.clock)]
     callbacks += [Progress(steps)]
     callbacks += [preview(board.experiment)] if preview else []
-    trainer = _trainer(accelerator, steps, board, callbacks, log_every)
+    trainer = _trainer(machine.accelerator, module.settings, board, callbacks)
     try:
-        with checkpoints.stopping_between_steps():
+        with stop.handled():
             trainer.fit(module, datamodule=data, ckpt_path=path if done else None, weights_only=True)
     except SystemExit:
         log.warning("stopped after step %d of %d; the same command goes on from there", checkpoints.saved_step, steps)
         raise
     device = torch.cuda.get_device_name(module.device) if module.device.type == "cuda" else module.device.type
     module.to("cpu").eval()
-    return checkpoints.seconds_trained, asdict(module.products) | {
+    return checkpoints.clock.seconds, asdict(module.products) | {
         "threads": threads,
         "device": device,
         "kind": machine_kind(),
     }
-
-
-class StatusFile(Callback):
-    """Tells whoever looks at the run folder how far the fit is.
-
-    Args:
-        folder: The run folder.
-        checkpoints: Knows the seconds of training.
-    """
-
-    def __init__(self, folder: Path, checkpoints: Checkpoints) -> None:
-        self.folder, self.checkpoints, self.told_at = folder, checkpoints, 0.0
-
-    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:  # noqa: ARG002
-        """Tell where a resumed fit goes on."""
-        self._tell(trainer)
-
-    def on_train_batch_end(self, trainer: Trainer, *_: Any) -> None:
-        """Tell when it is time."""
-        if trainer.global_step >= trainer.max_steps or time.monotonic() - self.told_at >= REPORT_SECONDS:
-            self._tell(trainer)
-
-    def _tell(self, trainer: Trainer) -> None:
-        report(self.folder, trainer.global_step, trainer.max_steps, self.checkpoints.seconds_trained)
-        self.told_at = time.monotonic()
 
 
 def board_of(folder: Path, purge_step: int | None = None) -> TensorBoardLogger:
@@ -119,34 +110,29 @@ def board_of(folder: Path, purge_step: int | None = None) -> TensorBoardLogger:
 
 
 def save_field(field: JointField, path: Path) -> None:
-    """Write the field so that it is never half-written.
+    """Write the field atomically.
 
     Raises:
         OSError: The folder cannot be written or the disk is full.
     """
-    part = path.with_suffix(".part")
     try:
-        field.save(part)
-        os.replace(part, path)
+        with replacing(path) as temporary:
+            field.save(temporary)
     except RuntimeError as error:  # torch's answer to a failed write
         raise OSError(errno.ENOSPC, "cannot be written", str(path)) from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
-def _trainer(
-    accelerator: str, steps: int, board: TensorBoardLogger, callbacks: list[Callback], log_every: int
-) -> Trainer:
+def _trainer(accelerator: str, settings: FitSettings, board: TensorBoardLogger, callbacks: list[Callback]) -> Trainer:
     """Lightning's loop without its own output, checkpoints and sanity checks."""
     try:
         return Trainer(
             accelerator=accelerator,
             devices=1,
-            max_steps=steps,
+            max_steps=settings.max_steps,
             max_epochs=-1,
             logger=board,
             callbacks=callbacks,
-            log_every_n_steps=log_every,
+            log_every_n_steps=settings.log_every,
             enable_checkpointing=False,
             enable_progress_bar=False,
             enable_model_summary=False,

@@ -1,12 +1,15 @@
-"""What memory the process keeps on its machine, and how much it took."""
+"""Memory of the process: its peak, and whether freed memory is kept for reuse."""
 
 import ctypes
 import resource
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt, from glibc's malloc.h
 KEPT_FREE, LARGEST_KEPT = 1 << 30, 1 << 25  # bytes: free memory kept in all; the largest piece that is reused
+DEFAULT_THRESHOLD = 128 * 1024  # glibc's M_MMAP_THRESHOLD and M_TRIM_THRESHOLD, from mallopt(3)
 STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 
@@ -27,18 +30,27 @@ def peak_memory_mb() -> float:
         return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1)
 
 
-def keep_freed_memory(most: int = KEPT_FREE) -> bool:
-    """Have memory that a step frees wait for the next step instead of going back to the system (glibc alone).
+@contextmanager
+def freed_memory_kept(most: int = KEPT_FREE) -> Iterator[bool]:
+    """Within the block memory that a step frees waits for the next step instead of going back to the system.
 
     By its own rule glibc returns it, and every page comes back through a page fault: about a sixth of a step at the
-    size of `fast` on a virtual machine.
+    size of `fast` on a virtual machine. Afterwards glibc's thresholds are those it starts with. Elsewhere nothing
+    happens.
 
     Args:
         most: Bytes that may wait; more goes back.
 
-    Returns:
+    Yields:
         Whether it could be arranged.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    limits = ((M_MMAP_THRESHOLD, LARGEST_KEPT), (M_TRIM_THRESHOLD, most))
-    return mallopt is not None and all(mallopt(what, value) == 1 for what, value in limits)
+    if mallopt is None:
+        yield False
+        return
+    kept = mallopt(M_MMAP_THRESHOLD, LARGEST_KEPT) == 1 and mallopt(M_TRIM_THRESHOLD, most) == 1
+    try:
+        yield kept
+    finally:
+        mallopt(M_MMAP_THRESHOLD, DEFAULT_THRESHOLD)
+        mallopt(M_TRIM_THRESHOLD, DEFAULT_THRESHOLD)

@@ -24,9 +24,10 @@ from jaxtyping import Float
 from platformdirs import user_cache_path
 from torch import Tensor
 
+from jointsdf.errors import InputError, require_one_of
 from jointsdf.optimizers import ITERATIONS, orthogonalised
+from jointsdf.runs.files import write_atomically
 from jointsdf.runs.provenance import cpu_model, cpu_vendor
-from jointsdf.runs.row import write_atomically
 from jointsdf.threads import large_pieces, workers
 
 REPEATS, FASTER = 5, 1.3
@@ -56,6 +57,11 @@ class Products:
     matmul: str = "default"
     backward: str = "float32"
     orthogonalisation: str = "float32"
+
+    def __post_init__(self) -> None:
+        """Check the names; `auto` is a wish, and no product is made with it."""
+        for key, names in CHOICES.items():
+            require_one_of(f"trainer.{key}", getattr(self, key), ("auto", *names))
 
     def dtype(self, key: str) -> torch.dtype | None:
         """Of `backward` or `orthogonalisation`, where it is not the parameters' own."""
@@ -185,15 +191,23 @@ def use_matmul(name: str) -> str:
 
 
 @contextmanager
-def matmul(name: str) -> Iterator[None]:
-    """Within the block, float32 products by this library, taken on trust."""
+def matmul_restored() -> Iterator[None]:
+    """After the block float32 products are multiplied by the library of before."""
     mkldnn: Any = torch.backends.mkldnn
     before = mkldnn.matmul.fp32_precision
-    mkldnn.matmul.fp32_precision = {"default": "none", "onednn": "bf16"}[name]
     try:
         yield
     finally:
         mkldnn.matmul.fp32_precision = before
+
+
+@contextmanager
+def matmul(name: str) -> Iterator[None]:
+    """Within the block, float32 products by this library, taken on trust."""
+    with matmul_restored():
+        mkldnn: Any = torch.backends.mkldnn
+        mkldnn.matmul.fp32_precision = {"default": "none", "onednn": "bf16"}[name]
+        yield
 
 
 def this_machine(sizes: Sizes) -> dict[str, Any]:
@@ -304,7 +318,7 @@ def _products(content: Any) -> Products | None:
     """The choice in a file or checkpoint; None where it is not one."""
     try:
         products = Products(**content["products"])
-    except (KeyError, TypeError):
+    except (KeyError, TypeError, InputError):
         return None
     return products if all(value in CHOICES[key] for key, value in asdict(products).items()) else None
 

@@ -9,6 +9,8 @@ from jaxtyping import Float32, Int, Int32, UInt8
 from numpy import ndarray
 from trimesh.visual.material import PBRMaterial
 
+from jointsdf.geometry.ply import binary_ply
+from jointsdf.runs.files import write_atomically
 from jointsdf.values import UNLABELLED, LabelledMesh
 from jointsdf.viewing.palette import part_colours
 
@@ -26,15 +28,14 @@ def write_mesh(folder: Path, mesh: LabelledMesh) -> None:
         folder: Where; made if it does not exist.
         mesh: File frame; labels below 2^31.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    _write(folder / "mesh.ply", _ply(mesh))
+    write_atomically(folder / "mesh.ply", _ply(mesh))
     if mesh.is_empty:
         (folder / "mesh.glb").unlink(missing_ok=True)
     else:
-        _write(folder / "mesh.glb", _glb(mesh))
+        write_atomically(folder / "mesh.glb", _glb(mesh))
     labels = io.BytesIO()
     np.save(labels, mesh.labels.astype(np.int64), allow_pickle=False)
-    _write(folder / "labels.npy", labels.getvalue())
+    write_atomically(folder / "labels.npy", labels.getvalue())
 
 
 def tensorboard_mesh(
@@ -75,24 +76,13 @@ def _corners(mesh: LabelledMesh) -> Int[ndarray, " c"]:
 
 
 def _ply(mesh: LabelledMesh) -> bytes:
-    colours = [("red", "u1"), ("green", "u1"), ("blue", "u1"), ("alpha", "u1")]
-    faces = np.zeros(len(mesh.faces), dtype=[("count", "u1"), ("vertices", "<i4", 3), *colours, ("label", "<i4")])
-    faces["count"], faces["vertices"], faces["alpha"], faces["label"] = 3, mesh.faces, 255, mesh.labels
-    assert (faces["label"] == mesh.labels).all(), "a label beyond 32 bits"
-    faces["red"], faces["green"], faces["blue"] = part_colours(mesh.labels).T
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        "comment one part label per face, -1 where unlabelled",
-        f"element vertex {len(mesh.vertices)}",
-        *(f"property double {axis}" for axis in "xyz"),
-        f"element face {len(mesh.faces)}",
-        "property list uchar int vertex_indices",
-        *(f"property uchar {name}" for name, _ in colours),
-        "property int label",
-        "end_header\n",
-    ]
-    return "\n".join(header).encode() + mesh.vertices.astype("<f8").tobytes() + faces.tobytes()
+    red, green, blue = part_colours(mesh.labels).T
+    opaque = np.full(len(mesh.faces), 255, dtype=np.uint8)
+    labels = mesh.labels.astype("<i4")
+    assert (labels == mesh.labels).all(), "a label beyond 32 bits"
+    columns = {"red": red, "green": green, "blue": blue, "alpha": opaque, "label": labels}
+    comment = "one part label per face, -1 where unlabelled"
+    return binary_ply(mesh.vertices.astype("<f8"), mesh.faces, columns, comment)
 
 
 def _glb(mesh: LabelledMesh) -> bytes:
@@ -114,9 +104,3 @@ def _linear(part: int) -> UInt8[ndarray, "4"]:
     srgb = part_colours(np.array([part]))[0] / 255
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     return np.append(np.rint(255 * linear), 255).astype(np.uint8)
-
-
-def _write(path: Path, content: bytes) -> None:
-    unfinished = path.with_name(path.name + ".tmp")
-    unfinished.write_bytes(content)
-    unfinished.replace(path)

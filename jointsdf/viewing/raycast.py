@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
@@ -79,11 +81,7 @@ def frame(mesh: LabelledMesh, width: int, height: int, azimuth: float, elevation
 
 
 def cast(mesh: LabelledMesh, camera: Camera) -> Hits:
-    """What each pixel of the camera sees of a mesh.
-
-    Raises:
-        ImportError: embreex is not installed.
-    """
+    """The first face under each pixel of the camera, with normal, slope and depth."""
     vertices = camera.project(mesh.vertices)
     corners = vertices[mesh.faces]
     faces = _first_faces(vertices, mesh.faces, camera)
@@ -104,9 +102,6 @@ def cast(mesh: LabelledMesh, camera: Camera) -> Hits:
 def _first_faces(
     vertices: Float[ndarray, "v 3"], triangles: Int[ndarray, "f 3"], camera: Camera
 ) -> Int[ndarray, "h w"]:
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
     scene = EmbreeScene()
     TriangleMesh(scene, vertices.astype(np.float32), triangles.astype(np.int32))
     x = np.arange(camera.width) + 0.5 - camera.width / 2

@@ -1,6 +1,5 @@
 """Pictures of part-labelled meshes: part colours, soft light, dark lines at part borders, creases and outlines."""
 
-import logging
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +8,10 @@ from numpy import ndarray
 from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import maximum_filter
 
+from jointsdf.runs.files import replacing
 from jointsdf.values import LabelledMesh
 from jointsdf.viewing.palette import part_colours
 from jointsdf.viewing.raycast import Hits, cast, frame
-
-log = logging.getLogger(__name__)
 
 INK = np.array([28.0, 30.0, 36.0])
 LIGHTS = (((-0.45, 0.65, -0.62), 0.58), ((0.75, 0.1, -0.65), 0.22))  # towards the light (right, up, away), strength
@@ -50,11 +48,7 @@ def render(
         return _notice("empty", width, height)
     fitted = mesh if framed is None or framed.is_empty else framed
     camera = frame(fitted, width * supersampling, height * supersampling, azimuth, elevation)
-    try:
-        hits = cast(mesh, camera)
-    except ImportError:
-        log.warning("no picture: embreex is not installed (pip install embreex)")
-        return _notice("no renderer: pip install embreex", width, height)
+    hits = cast(mesh, camera)
     fine = _shade(part_colours(mesh.labels) if colours is None else colours, hits)
     fine += (INK - fine) * _lines(mesh, hits, supersampling)[..., None]
     pixels = fine.reshape(height, supersampling, width, supersampling, 3).mean(axis=(1, 3))
@@ -105,12 +99,11 @@ def write_png(path: Path, image: UInt8[ndarray, "h w 3"]) -> None:
     """Write a picture so that the file is never half-written.
 
     Args:
-        path: Of the png file; its folder exists.
+        path: Of the png file.
         image: sRGB.
     """
-    unfinished = path.with_name(path.name + ".tmp")
-    Image.fromarray(image).save(unfinished, format="png")
-    unfinished.replace(path)
+    with replacing(path) as temporary:
+        Image.fromarray(image).save(temporary, format="png")
 
 
 def _shade(colours: UInt8[ndarray, "f 3"], hits: Hits) -> Float[ndarray, "h w 3"]:

@@ -18,7 +18,7 @@ import yaml
 from command_line import PLACE, QUICK, ROOT, Answer, call, finished, train
 from omegaconf import OmegaConf
 
-from jointsdf.experiment import build as assembly
+from jointsdf.experiment import build
 from jointsdf.experiment import sweep
 from jointsdf.model.heads.relu import ReluHead
 from jointsdf.runs import status as run_state
@@ -103,8 +103,8 @@ def test_a_stored_sweep_makes_the_runs_that_it_says(tmp_path, composed, name) ->
     assert {cfg.paths.abc_missing for cfg in composed} == {"error" if shape.startswith("abc") else "fallback"}
     assert {cfg.recipe for cfg in composed} == {name if name in ("smoke", "points") else "fast"}
     for cfg in composed:
-        assembly.checked(cfg)
-    wanted = [assembly.folder_of(cfg) for cfg in composed]
+        build.check_config(cfg)
+    wanted = [build.folder_of(cfg) for cfg in composed]
     assert run_state.planned(tmp_path / name) == wanted
     assert len(set(wanted)) == count, "every run has a folder of its own"
 
@@ -118,9 +118,9 @@ def test_the_committed_rows_are_of_the_runs_that_the_sweep_makes(tmp_path, compo
     call("train.py", f"sweeps={name}", f"shape={shape}", f"paths.outputs={tmp_path}", "paths.abc_root=/data")
     wanted = {}
     for cfg in composed:
-        assembly.checked(cfg)
+        build.check_config(cfg)
         settings = OmegaConf.to_container(cfg, resolve=True)
-        wanted[cfg.variant, cfg.head.name] = config_hash(assembly.shared_settings(settings))
+        wanted[cfg.variant, cfg.head.name] = config_hash(build.shared_settings(settings))
     shared = wanted.keys() & made.keys()
     assert shared
     assert {key: wanted[key] for key in shared} == {key: made[key] for key in shared}

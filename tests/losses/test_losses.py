@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from jointsdf.errors import InputError
+from jointsdf.losses import Mixed
 from jointsdf.losses.cross_entropy import CrossEntropy
 from jointsdf.losses.dirichlet import Dirichlet
 from jointsdf.losses.eikonal import Eikonal
@@ -18,7 +19,7 @@ from jointsdf.losses.schedule import Schedule
 from jointsdf.losses.sign_agnostic import SignAgnostic
 from jointsdf.losses.signed_distance import SignedDistance
 from jointsdf.losses.weingarten import Weingarten
-from jointsdf.model.derivatives import Mixed, autograd_gradient, autograd_mixed, tangent_frame
+from jointsdf.model.derivatives import autograd_gradient, autograd_mixed, tangent_frame
 from jointsdf.values import FieldValues, Step
 
 Field = Callable[[Tensor], Tensor]

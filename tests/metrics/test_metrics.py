@@ -14,6 +14,7 @@ from torchmetrics.functional.classification import multiclass_jaccard_index
 from jointsdf.errors import InputError
 from jointsdf.evaluation.protocol import sample_surface
 from jointsdf.geometry.mesh import border_edges
+from jointsdf.geometry.topology import topology
 from jointsdf.metrics import confusion, label_scores, match, project
 from jointsdf.metrics.boundary import Boundary, points_along
 from jointsdf.metrics.chamfer import Chamfer
@@ -23,7 +24,7 @@ from jointsdf.metrics.f_score import FScore
 from jointsdf.metrics.normal_consistency import NormalConsistency
 from jointsdf.metrics.segmentation import Segmentation
 from jointsdf.metrics.surface_distance import SurfaceDistance
-from jointsdf.metrics.topology import Topology, topology
+from jointsdf.metrics.topology import Topology
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
 EMPTY = LabelledMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64))

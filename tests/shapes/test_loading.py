@@ -226,7 +226,7 @@ def test_one_sided_surface_is_not_taken_for_watertight(caplog: pytest.LogCapture
     faces = np.array(  # the projective plane with 6 vertices: closed, and without an outside
         [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5], [0, 5, 1], [1, 2, 4], [2, 3, 5], [3, 4, 1], [4, 5, 2], [5, 1, 3]]
     )
-    solid = repair.cleaned("it", np.random.default_rng(0).random((6, 3)), faces)
+    solid = repair.repair_mesh("it", np.random.default_rng(0).random((6, 3)), faces)
     assert not solid.watertight
     assert "one-sided" in caplog.text
 
@@ -234,7 +234,7 @@ def test_one_sided_surface_is_not_taken_for_watertight(caplog: pytest.LogCapture
 def test_two_million_faces_warn(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     assert repair.SLOW == 2_000_000
     monkeypatch.setattr(repair, "SLOW", 12)
-    repair.cleaned("it", np.array(BOX.vertices), np.array(BOX.faces))
+    repair.repair_mesh("it", np.array(BOX.vertices), np.array(BOX.faces))
     assert "it: 12 faces: distances and measures will be slow" in caplog.text
 
 

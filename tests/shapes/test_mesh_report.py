@@ -8,14 +8,14 @@ import trimesh
 
 from jointsdf import shapes
 from jointsdf.shapes.mesh_report import CELLS, FINEST, LADDER, MeshReport, mesh_report, resolution_for
-from jointsdf.shapes.repair import cleaned
+from jointsdf.shapes.repair import repair_mesh
 from jointsdf.values import BOX, LabelledMesh, Shape
 
 
 def report_on(
     mesh: trimesh.Trimesh, resolution: int | str = 256, labels: np.ndarray | None = None, scale: float = 1.0
 ) -> MeshReport:
-    solid = cleaned("it", np.array(mesh.vertices), np.array(mesh.faces))
+    solid = repair_mesh("it", np.array(mesh.vertices), np.array(mesh.faces))
     labels = np.zeros(len(solid.faces), dtype=np.int64) if labels is None else labels
     shape = Shape("it", LabelledMesh(solid.vertices, solid.faces, labels), "", "builtin", solid.watertight)
     return mesh_report(shape, scale, resolution)

@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from torch.optim import Adam, Optimizer
 
 from jointsdf.errors import InputError
+from jointsdf.losses import Mixed
 from jointsdf.losses.cross_entropy import CrossEntropy
 from jointsdf.losses.dirichlet import Dirichlet
 from jointsdf.losses.eikonal import Eikonal
@@ -18,7 +19,6 @@ from jointsdf.losses.schedule import Schedule
 from jointsdf.losses.sign_agnostic import SignAgnostic
 from jointsdf.losses.signed_distance import SignedDistance
 from jointsdf.losses.weingarten import Weingarten
-from jointsdf.model.derivatives import Mixed
 from jointsdf.model.field import JointField
 from jointsdf.model.trunk import SirenTrunk
 from jointsdf.optimizers import MuonAdam, parameter_groups

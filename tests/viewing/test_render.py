@@ -1,6 +1,5 @@
 """Pictures pixel by pixel against what is known of the scene; files read back by trimesh; the palette's distances."""
 
-import builtins
 from collections.abc import Callable
 from pathlib import Path
 
@@ -140,28 +139,6 @@ def test_an_empty_prediction_says_so() -> None:
     assert (blank[:20] == 255).all()
     np.testing.assert_array_equal(compare(box(by_side), EMPTY, width=120, height=90)[:90, 120:], blank)
     assert compare(EMPTY, box(by_side), width=120, height=90).shape == (114, 240, 3)
-
-
-def test_without_embreex_there_is_a_warning_and_a_blank(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    real = builtins.__import__
-
-    def without(name: str, *args: object, **kwargs: object) -> object:
-        if name.startswith("embreex"):
-            raise ImportError(name)
-        return real(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", without)
-    picture = render(box(by_side), width=320, height=90)
-    assert "embreex is not installed" in caplog.text
-    monkeypatch.undo()
-    drawn = render(box(by_side), width=320, height=90)
-    assert (drawn != 255).any(axis=2).mean() > 0.05, "there is something to see"
-    shown = (picture != 255).any(axis=2)
-    assert shown.mean() < 0.15, "words alone"
-    assert np.ptp(picture[shown].astype(int), axis=1).max() < 16, "and no part's colour"
-    assert np.ptp(drawn.reshape(-1, 3).astype(int), axis=1).max() > 50
 
 
 def test_png_round_trip(tmp_path: Path) -> None:

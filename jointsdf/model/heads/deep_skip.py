@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from jointsdf.errors import require_number
 from jointsdf.model.layers import SineLayer, classifier, hidden_sine
 
 
@@ -21,6 +22,7 @@ class DeepSkipHead(nn.Module):
 
     def __init__(self, in_features: int, num_classes: int, *, widths: Sequence[int], omega: float) -> None:
         super().__init__()
+        require_number("head.omega", omega, 1e-6, 1e6)
         one, two, three, four = widths
         self.first = SineLayer(in_features, one, omega=omega, weight_bound=1 / in_features)
         self.second = hidden_sine(one, two, omega=1.0)

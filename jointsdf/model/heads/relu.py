@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from jointsdf.errors import require_number
 from jointsdf.model.layers import classifier, kaiming
 
 
@@ -20,6 +21,7 @@ class ReluHead(nn.Module):
 
     def __init__(self, in_features: int, num_classes: int, *, widths: Sequence[int], dropout: float) -> None:
         super().__init__()
+        require_number("head.dropout", dropout, 0, 1)
         one, two = widths
         self.layers = nn.Sequential(
             kaiming(in_features, one),

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from jointsdf.errors import require_number
 from jointsdf.model.layers import SineLayer, classifier, hidden_sine
 
 
@@ -20,6 +21,7 @@ class SirenHead(nn.Module):
 
     def __init__(self, in_features: int, num_classes: int, *, widths: Sequence[int], omega: float) -> None:
         super().__init__()
+        require_number("head.omega", omega, 1e-6, 1e6)
         one, two = widths
         self.layers = nn.Sequential(
             SineLayer(in_features, one, omega=omega, weight_bound=1 / in_features),

@@ -14,7 +14,7 @@ TOLERANCE = 1e-5  # of the longest side; text files and 32-bit floats round belo
 logger = logging.getLogger(__name__)
 
 
-def matched(source: str, theirs: Float[ndarray, "g 3 3"], ours: Float[ndarray, "f 3 3"]) -> Int[ndarray, " f"]:
+def match_faces(source: str, theirs: Float[ndarray, "g 3 3"], ours: Float[ndarray, "f 3 3"]) -> Int[ndarray, " f"]:
     """For each of our faces, the index of their face at the same place; says so where the order differs.
 
     Both are compared with the middle of their box at the origin and its longest side 1: PartField writes meshes so.

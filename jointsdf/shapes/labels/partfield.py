@@ -12,11 +12,12 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import KDTree
 
 from jointsdf.errors import InputError
-from jointsdf.shapes.labels.face_matching import matched
+from jointsdf.geometry.topology import components
+from jointsdf.shapes.labels.face_matching import match_faces
 from jointsdf.shapes.labels.files import read_array
 from jointsdf.shapes.readers import mesh_file as file
 
@@ -61,7 +62,7 @@ def labels(
     order = np.arange(len(corners))
     if output.mesh is not None:
         theirs = file.read(output.mesh)
-        order = matched(str(output.mesh), theirs.vertices[theirs.faces], corners)
+        order = match_faces(str(output.mesh), theirs.vertices[theirs.faces], corners)
     wanted = num_parts if num_parts is not None else _usual(output.clusters)
     if wanted in output.clusters:
         ids = _clusters(output.clusters[wanted], len(corners))[order]
@@ -129,7 +130,7 @@ def cut(features: Float[ndarray, "f d"], corners: Float[ndarray, "f 3 3"], num_p
         raise InputError("cutting PartField's features needs scikit-learn: pip install '.[labels]'") from error
     unit = features / np.maximum(np.linalg.norm(features, axis=1, keepdims=True), np.finfo(float).tiny)
     pairs = _neighbours(corners)
-    pairs = np.concatenate([pairs, _bridges(corners.mean(axis=1), _components(pairs, len(corners)))])
+    pairs = np.concatenate([pairs, _bridges(corners.mean(axis=1), components(pairs, len(corners)))])
     graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(corners),) * 2)
     clustering = AgglomerativeClustering(num_parts, connectivity=(graph + graph.T).tocsr(), linkage="ward")
     return np.asarray(clustering.fit(unit).labels_, dtype=np.int64)
@@ -174,11 +175,6 @@ def _neighbours(corners: Float[ndarray, "f 3 3"]) -> Int[ndarray, "p 2"]:
     order = np.lexsort(edges.T)
     same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
     return np.stack([order[:-1][same] // 3, order[1:][same] // 3], axis=1)
-
-
-def _components(pairs: Int[ndarray, "p 2"], count: int) -> Int[ndarray, " f"]:
-    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def _bridges(centres: Float[ndarray, "f 3"], component: Int[ndarray, " f"]) -> Int[ndarray, "b 2"]:

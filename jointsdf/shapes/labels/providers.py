@@ -15,7 +15,7 @@ from numpy import ndarray
 from jointsdf.errors import InputError
 from jointsdf.shapes.labels import files as part_labels
 from jointsdf.shapes.labels import partfield
-from jointsdf.shapes.labels.face_matching import matched
+from jointsdf.shapes.labels.face_matching import match_faces
 from jointsdf.shapes.readers import abc_features as features
 from jointsdf.shapes.readers import mesh_file as file
 from jointsdf.shapes.segmentation.hierarchy import hierarchy
@@ -25,7 +25,7 @@ Labels = tuple[Int[ndarray, " f"], str]
 
 
 @dataclass(frozen=True)
-class Subject:
+class UnlabelledShape:
     """A mesh that labels are wanted for, and what the user said of them.
 
     Attributes:
@@ -57,51 +57,51 @@ class Subject:
     needed: bool = True
 
 
-def auto(subject: Subject) -> Labels:
+def auto(shape: UnlabelledShape) -> Labels:
     """The mesh's own labels, `labels.npy` beside it, else parts by its geometry."""
-    if len(subject.solid.part_ids):
-        _refuse_count(subject, f"{subject.name} has its own labels")
-        return part_labels.numbered_by_area(subject.solid), "builtin"
-    if subject.beside is not None and subject.beside.is_file():
-        return from_file(subject, subject.beside)
-    return geometric(subject)
+    if len(shape.solid.part_ids):
+        _refuse_count(shape, f"{shape.name} has its own labels")
+        return part_labels.numbered_by_area(shape.solid), "builtin"
+    if shape.beside is not None and shape.beside.is_file():
+        return from_file(shape, shape.beside)
+    return geometric(shape)
 
 
-def brep(subject: Subject) -> Labels:
+def brep(shape: UnlabelledShape) -> Labels:
     """The B-rep patches, as they are."""
-    _refuse_count(subject, "labels=brep gives the patches as they are")
-    patches = _patches(subject)
-    if patches is None and not subject.needed:
-        return none(subject)
+    _refuse_count(shape, "labels=brep gives the patches as they are")
+    patches = _patches(shape)
+    if patches is None and not shape.needed:
+        return none(shape)
     if patches is None:
-        missing = f"{subject.patch_source} not found" if subject.patch_source else f"{subject.name} has none"
+        missing = f"{shape.patch_source} not found" if shape.patch_source else f"{shape.name} has none"
         raise InputError(f"labels=brep: {missing}; give labels=<file.npy>, labels=geometric, or head=none")
-    return patches[subject.kept], "brep"
+    return patches[shape.kept], "brep"
 
 
-def geometric(subject: Subject) -> Labels:
+def geometric(shape: UnlabelledShape) -> Labels:
     """Parts by the mesh's geometry; B-rep patches, where known, are never mixed before they are whole."""
-    patches = None if subject.written.has_polygons else _patches(subject)
-    found = hierarchy(subject.solid, None if patches is None else patches[subject.kept])
-    labels = found.cut(subject.num_parts if subject.num_parts is not None else subject.usual_parts)
+    patches = None if shape.written.has_polygons else _patches(shape)
+    found = hierarchy(shape.solid, None if patches is None else patches[shape.kept])
+    labels = found.cut(shape.num_parts if shape.num_parts is not None else shape.usual_parts)
     return labels, f"geometric:k={labels.max() + 1}"
 
 
-def from_partfield(subject: Subject) -> Labels:
+def from_partfield(shape: UnlabelledShape) -> Labels:
     """What PartField found, from its output folder."""
-    _refuse_polygons(subject)
-    corners = subject.written.vertices[subject.written.faces]
-    labels, count = partfield.labels(subject.partfield_dir, subject.known_as, corners, subject.num_parts)
-    return part_labels.numbered_by_area(replace(subject.solid, labels=labels[subject.kept])), f"partfield:k={count}"
+    _refuse_polygons(shape)
+    corners = shape.written.vertices[shape.written.faces]
+    labels, count = partfield.labels(shape.partfield_dir, shape.known_as, corners, shape.num_parts)
+    return part_labels.numbered_by_area(replace(shape.solid, labels=labels[shape.kept])), f"partfield:k={count}"
 
 
-def none(subject: Subject) -> Labels:
+def none(shape: UnlabelledShape) -> Labels:
     """No labels, even where some lie beside the mesh."""
-    _refuse_count(subject, "labels=none gives no parts")
-    return np.full(len(subject.solid.faces), UNLABELLED), "none"
+    _refuse_count(shape, "labels=none gives no parts")
+    return np.full(len(shape.solid.faces), UNLABELLED), "none"
 
 
-PROVIDERS: dict[str, Callable[[Subject], Labels]] = {
+PROVIDERS: dict[str, Callable[[UnlabelledShape], Labels]] = {
     "auto": auto,
     "geometric": geometric,
     "partfield": from_partfield,
@@ -110,43 +110,43 @@ PROVIDERS: dict[str, Callable[[Subject], Labels]] = {
 }
 
 
-def provide(labels: str, subject: Subject) -> Labels:
-    """The part of each face of `subject.solid`, and where it comes from: the provider and its setting.
+def provide(labels: str, shape: UnlabelledShape) -> Labels:
+    """The part of each face of `shape.solid`, and where it comes from: the provider and its setting.
 
     Args:
         labels: A provider's name or the path of a label file.
-        subject: The mesh.
+        shape: The mesh.
 
     Raises:
         InputError: `labels` is neither a provider nor an existing file, or the provider has nothing for this mesh.
     """
     if labels in PROVIDERS:
-        return PROVIDERS[labels](subject)
+        return PROVIDERS[labels](shape)
     path = Path(labels).expanduser()
     if path.is_file():
-        return from_file(subject, path)
+        return from_file(shape, path)
     if path.suffix or len(path.parts) > 1:
         raise InputError(f"labels file not found: {labels}")
     near = get_close_matches(labels, PROVIDERS, n=1, cutoff=0.0)[0]
     raise InputError(f"unknown labels={labels!r}: give a label file or one of {', '.join(PROVIDERS)} (near: {near})")
 
 
-def from_file(subject: Subject, path: Path) -> Labels:
+def from_file(shape: UnlabelledShape, path: Path) -> Labels:
     """The labels in a file: `.npy`, `.txt`, an ABC features file, or a PLY with face labels or face colours.
 
     Raises:
         InputError: The file is of another mesh or damaged, or a number of parts was asked for.
     """
-    _refuse_count(subject, f"labels file {path} gives its parts as they are")
-    _refuse_polygons(subject)
-    written, provider = subject.written, f"file:{path.name}"
+    _refuse_count(shape, f"labels file {path} gives its parts as they are")
+    _refuse_polygons(shape)
+    written, provider = shape.written, f"file:{path.name}"
     if path.suffix.lower() != ".ply":
-        return _per_face(path, written)[subject.kept], provider
-    mesh, labels, are_colours = file.painted(path)
-    order = matched(f"labels file {path}", mesh.vertices[mesh.faces], written.vertices[written.faces])
-    labels = labels[order][subject.kept]
+        return _per_face(path, written)[shape.kept], provider
+    mesh, labels, are_colours = file.read_labelled_ply(path)
+    order = match_faces(f"labels file {path}", mesh.vertices[mesh.faces], written.vertices[written.faces])
+    labels = labels[order][shape.kept]
     if are_colours:
-        labels = part_labels.numbered_by_area(replace(subject.solid, labels=labels))
+        labels = part_labels.numbered_by_area(replace(shape.solid, labels=labels))
     return labels, provider
 
 
@@ -157,14 +157,14 @@ def benchmark() -> dict[str, int]:
     return {row["shape"]: int(row["num_parts"]) for row in csv.DictReader(table.splitlines())}
 
 
-def _patches(subject: Subject) -> Int[ndarray, " g"] | None:
+def _patches(shape: UnlabelledShape) -> Int[ndarray, " g"] | None:
     """B-rep patch of each face of the file; None where none are known."""
-    if subject.patches is not None:
-        return subject.patches
-    if subject.patch_source is None or not subject.patch_source.is_file():
+    if shape.patches is not None:
+        return shape.patches
+    if shape.patch_source is None or not shape.patch_source.is_file():
         return None
-    _refuse_polygons(subject)
-    return _per_face(subject.patch_source, subject.written)
+    _refuse_polygons(shape)
+    return _per_face(shape.patch_source, shape.written)
 
 
 def _per_face(path: Path, written: file.FileMesh) -> Int[ndarray, " g"]:
@@ -173,13 +173,13 @@ def _per_face(path: Path, written: file.FileMesh) -> Int[ndarray, " g"]:
     return part_labels.read(path, len(written.faces))
 
 
-def _refuse_count(subject: Subject, why: str) -> None:
-    if subject.num_parts is not None:
-        raise InputError(f"num_parts={subject.num_parts}: {why}; leave num_parts out, or give labels=geometric")
+def _refuse_count(shape: UnlabelledShape, why: str) -> None:
+    if shape.num_parts is not None:
+        raise InputError(f"num_parts={shape.num_parts}: {why}; leave num_parts out, or give labels=geometric")
 
 
-def _refuse_polygons(subject: Subject) -> None:
-    if subject.written.has_polygons:
+def _refuse_polygons(shape: UnlabelledShape) -> None:
+    if shape.written.has_polygons:
         raise InputError(
-            f"{subject.name} has polygons, so labels per face are ambiguous: triangulate it, one label per triangle"
+            f"{shape.name} has polygons, so labels per face are ambiguous: triangulate it, one label per triangle"
         )

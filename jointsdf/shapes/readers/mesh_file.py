@@ -65,7 +65,7 @@ def read(path: Path) -> FileMesh:
     return FileMesh(vertices, faces, has_polygons, hashlib.sha256(data).hexdigest())
 
 
-def painted(path: Path) -> tuple[FileMesh, Int[ndarray, " f"], bool]:
+def read_labelled_ply(path: Path) -> tuple[FileMesh, Int[ndarray, " f"], bool]:
     """A PLY file with a part for each face: the mesh, the parts, and whether they are colours.
 
     The integer face property `label` goes before face colours, of which each distinct one (without opacity) is a part.

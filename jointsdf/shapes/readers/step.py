@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.errors import InputError
+from jointsdf.errors import InputError, require_number
 
 SUFFIXES = (".step", ".stp")
 MILLIMETRE = 1e-3
@@ -50,30 +50,49 @@ class StepMesh:
     unit: float
 
 
-def read(path: Path, data: bytes, *, tol_linear: float = 1e-4, tol_angular: float = 0.1) -> StepMesh:
+@dataclass(frozen=True)
+class Tessellation:
+    """How finely a STEP file's surfaces are cut into triangles.
+
+    Attributes:
+        tolerance: Largest distance from the true surface, relative to the longest side of the file's box.
+        angle: Largest angle between neighbouring chords of a curve, radians.
+
+    Raises:
+        InputError: A value out of its range.
+    """
+
+    tolerance: float = 1e-4
+    angle: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_number("tessellation.tolerance", self.tolerance, 1e-6, 0.1)
+        require_number("tessellation.angle", self.angle, 1e-3, 1.0)
+
+
+AS_USUAL = Tessellation()
+
+
+def read(path: Path, data: bytes, tessellation: Tessellation = AS_USUAL) -> StepMesh:
     """Tessellate a STEP file.
 
     Args:
         path: What messages call the file.
         data: Its content.
-        tol_linear: Largest distance from the true surface, relative to the longest side of the file's box.
-        tol_angular: Largest angle between neighbouring chords of a curve, radians.
+        tessellation: How finely.
 
     Raises:
-        InputError: The content is no STEP file, truncated, damaged, or without a surface; a tolerance is not
-            positive; or cascadio, which reads STEP, is not installed.
+        InputError: The content is no STEP file, truncated, damaged, or without a surface; or cascadio, which reads
+            STEP, is not installed.
     """
-    if not 0 < tol_linear < 1:
-        raise InputError(f"step_tolerance={tol_linear}: give a part of the shape's size between 0 and 1, as 1e-4")
-    if not 0 < tol_angular < np.pi:
-        raise InputError(f"step_angle={tol_angular}: give radians between 0 and pi, as 0.1")
     if not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"ISO-10303-21"):
         raise InputError(f"{path} is no STEP file: it does not begin with ISO-10303-21; export it again")
     if b"END-ISO-10303-21" not in data:
         raise InputError(f"{path} is truncated: END-ISO-10303-21 is missing; export it again")
     if importlib.util.find_spec("cascadio") is None:
         raise InputError(f"{path}: STEP needs cascadio: pip install 'jointsdf[step]' (in a checkout '.[step]')")
-    arrays = _tessellated(path, data, tol_linear, tol_angular)
+    arrays = _tessellated(path, data, tessellation)
     corners = arrays["vertices"][arrays["faces"]]
     if not np.isfinite(corners).all() or not np.ptp(corners, axis=1).any():
         raise InputError(f"{path} is damaged: it has infinite coordinates or no extent; export it again")
@@ -82,10 +101,10 @@ def read(path: Path, data: bytes, *, tol_linear: float = 1e-4, tol_angular: floa
     return StepMesh(vertices / unit, faces, patches, tuple(str(each) for each in arrays["surfaces"]), unit)
 
 
-def _tessellated(path: Path, data: bytes, tol_linear: float, tol_angular: float) -> dict[str, ndarray]:
+def _tessellated(path: Path, data: bytes, tessellation: Tessellation) -> dict[str, ndarray]:
     """What `step_worker.py` makes of the file, in a process of its own: positions in metres."""
     script = str(Path(__file__).with_name("step_worker.py"))
-    command = [sys.executable, "-P", script, str(tol_linear), str(tol_angular)]
+    command = [sys.executable, "-P", script, str(tessellation.tolerance), str(tessellation.angle)]
     done = subprocess.run(command, input=data, capture_output=True, check=False)
     said = re.sub(r"\x1b\[[\d;]*m", "", done.stderr.decode("utf-8", errors="replace"))
     if done.returncode > 0:

@@ -12,8 +12,9 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from jointsdf.errors import InputError
-from jointsdf.geometry.face_graph import components, face_graph, smooth_regions
+from jointsdf.geometry.face_graph import face_graph, smooth_regions
 from jointsdf.geometry.mesh import face_areas
+from jointsdf.geometry.topology import components
 from jointsdf.shapes.segmentation.bisection import bisected
 from jointsdf.shapes.segmentation.merging import APART, SMALLEST, Merging
 from jointsdf.shapes.segmentation.region_features import measured

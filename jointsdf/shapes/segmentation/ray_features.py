@@ -4,7 +4,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.geometry.mesh import face_areas, ray_lengths
+from jointsdf.geometry.mesh import face_areas
+from jointsdf.geometry.rays import ray_lengths
 from jointsdf.values import LabelledMesh
 
 SAMPLES = 40_000  # points on the whole surface, besides one in each face

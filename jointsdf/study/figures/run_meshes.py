@@ -10,9 +10,10 @@ from numpy import ndarray
 from scipy.optimize import linear_sum_assignment
 
 from jointsdf.errors import InputError
-from jointsdf.experiment.build import stored_truth
 from jointsdf.geometry.distance import ExactDistance
-from jointsdf.shapes.readers.mesh_file import painted
+from jointsdf.geometry.mesh import face_areas
+from jointsdf.shapes.readers.mesh_file import read_labelled_ply
+from jointsdf.shapes.stored import stored_truth
 from jointsdf.values import LabelledMesh, Shape
 
 MESH = "mesh.ply"
@@ -40,7 +41,7 @@ class Pair:
         ids, columns = np.unique(self.predicted.labels, return_inverse=True)
         wanted, rows = np.unique(self._labels_below, return_inverse=True)
         shared = np.zeros((len(ids), len(wanted)))
-        np.add.at(shared, (columns, rows), areas(self.predicted))
+        np.add.at(shared, (columns, rows), face_areas(self.predicted))
         shared[:, wanted < 0] = 0.0
         left, right = linear_sum_assignment(shared, maximize=True)
         names = 1 + max(ids.max(initial=0), wanted.max(initial=0)) + np.arange(len(ids))
@@ -81,7 +82,7 @@ def load_pair(folder: Path) -> Pair:
     if not path.is_file():
         raise InputError(f"{path} is not there")
     _, truth = stored_truth(folder)
-    mesh, labels, _ = painted(path)
+    mesh, labels, _ = read_labelled_ply(path)
     return Pair(truth, LabelledMesh(mesh.vertices, mesh.faces, labels))
 
 
@@ -89,13 +90,6 @@ def centres(mesh: LabelledMesh) -> Float[ndarray, "f 3"]:
     """Centroid of each face."""
     middle: ndarray = mesh.vertices[mesh.faces].mean(axis=1)
     return middle
-
-
-def areas(mesh: LabelledMesh) -> Float[ndarray, " f"]:
-    """Area of each face."""
-    a, b, c = np.swapaxes(mesh.vertices[mesh.faces], 0, 1)
-    size: ndarray = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    return size
 
 
 def _distances(of: LabelledMesh, to: LabelledMesh) -> Float[ndarray, " f"]:

@@ -1,6 +1,5 @@
 """How every figure looks, and how it is written: vector PDF, PNG, and a LaTeX float."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
@@ -16,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy import ndarray
 
-from jointsdf.runs.row import write_atomically
+from jointsdf.runs.files import write_atomically
 from jointsdf.study.comparisons import HEAD_ORDER
 from jointsdf.study.tables.latex import escape
 
@@ -117,7 +116,6 @@ def write_drawing(drawing: Drawing, stem: Path) -> list[Path]:
     Raises:
         OSError: The folder cannot be written.
     """
-    stem.parent.mkdir(parents=True, exist_ok=True)
     written = [stem.with_name(stem.name + ending) for ending in (".pdf", ".png", ".tex")]
     for path in written[:2]:
         content = BytesIO()
@@ -125,9 +123,7 @@ def write_drawing(drawing: Drawing, stem: Path) -> list[Path]:
         undated = {"CreationDate": None} if kind == "pdf" else {}
         with mpl.rc_context(STYLE):
             drawing.figure.savefig(content, format=kind, dpi=PNG_DPI, metadata=undated)
-        unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-        unfinished.write_bytes(content.getvalue())
-        unfinished.replace(path)
+        write_atomically(path, content.getvalue())
     label = stem.name.replace("_", "-")
     lines = [
         r"\begin{figure}[htbp]",

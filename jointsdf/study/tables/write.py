@@ -8,7 +8,8 @@ from functools import partial
 from pathlib import Path
 
 from jointsdf.runs.csv import FILE, rows_to_csv
-from jointsdf.runs.row import ResultRow, write_atomically
+from jointsdf.runs.files import write_atomically
+from jointsdf.runs.row import ResultRow
 from jointsdf.study.collect import collect
 from jointsdf.study.comparisons import SUFFIX, Group, families, shown_alone, split
 from jointsdf.study.document import REPORT, report

@@ -11,8 +11,8 @@ from sine_networks import NETWORKS, network, plain, random_points, relative
 from torch import Tensor
 
 from jointsdf import threads
-from jointsdf.losses import Needs
-from jointsdf.model.derivatives import Mixed, autograd_gradient, autograd_mixed, mixed_stencil, tangent_frame
+from jointsdf.losses import Mixed, Needs
+from jointsdf.model.derivatives import autograd_gradient, autograd_mixed, mixed_stencil, tangent_frame
 from jointsdf.model.field import JointField
 from jointsdf.model.fused.evaluate import Evaluation, evaluate
 from jointsdf.model.trunk import SirenTrunk

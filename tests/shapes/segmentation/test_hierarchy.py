@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 from sklearn.metrics import adjusted_rand_score
 
 from jointsdf.errors import InputError
-from jointsdf.geometry.face_graph import components, face_graph, smooth_regions
+from jointsdf.geometry.face_graph import face_graph, smooth_regions
 from jointsdf.geometry.mesh import face_areas
+from jointsdf.geometry.topology import components
 from jointsdf.shapes import abc, load
 from jointsdf.shapes.builtin import BUILTINS, part_names
 from jointsdf.shapes.builtin.construction import Construction, box, rod

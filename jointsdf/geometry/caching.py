@@ -1,0 +1,37 @@
+"""Results of functions of meshes, computed once for as long as the meshes live."""
+
+import weakref
+from collections.abc import Callable
+from concurrent.futures import Future
+from threading import Lock
+from typing import TypeVar
+
+Result = TypeVar("Result")
+
+
+def cached_by_identity(function: Callable[..., Result]) -> Callable[..., Result]:
+    """Cache a function by the identity of its arguments, which arrays make unhashable, until one of them is collected.
+
+    Threads that ask for the same result at once compute it once.
+
+    Args:
+        function: Of objects that can be weakly referenced, e.g. meshes or sample sets.
+    """
+    known: dict[tuple[int, ...], Future[Result]] = {}
+    looking = Lock()
+
+    def answer(*arguments: object) -> Result:
+        key = tuple(map(id, arguments))
+        with looking:
+            first = key not in known
+            future = known.setdefault(key, Future())
+        if first:
+            for argument in arguments:
+                weakref.finalize(argument, known.pop, key, None)
+            try:
+                future.set_result(function(*arguments))
+            except BaseException as error:
+                future.set_exception(error)
+        return future.result()
+
+    return answer

@@ -1,0 +1,67 @@
+"""Connected components, Euler characteristic and volume of triangle meshes, and components of any graph."""
+
+import igl
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from jointsdf.geometry.caching import cached_by_identity
+from jointsdf.geometry.mesh import edge_keys
+from jointsdf.values import LabelledMesh
+
+
+def components(pairs: Int[ndarray, "p 2"], count: int) -> Int[ndarray, " n"]:
+    """Connected component of each node of a graph, numbered in the order of their first nodes.
+
+    Args:
+        pairs: The two nodes of each edge.
+        count: Number of nodes.
+    """
+    edges = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    _, found = connected_components(edges, directed=False)
+    _, first, compact = np.unique(found, return_index=True, return_inverse=True)
+    numbers: Int[ndarray, " n"] = np.argsort(np.argsort(first))[compact]
+    return numbers
+
+
+def face_components(faces: Int[ndarray, "f 3"]) -> Int[ndarray, " f"]:
+    """Connected component of each face, where faces that share a vertex hang together; numbered from 0."""
+    if len(faces) == 0:
+        return np.zeros(0, dtype=np.int64)
+    corners = np.unique(faces, return_inverse=True)[1]  # libigl counts a vertex without a face as a component
+    of_vertex = igl.vertex_components(corners.reshape(-1, 3).astype(np.int64))
+    return np.asarray(of_vertex[corners.reshape(-1, 3)[:, 0]], dtype=np.int64)
+
+
+def count_components(faces: Int[ndarray, "f 3"]) -> int:
+    """Number of pieces that share no vertex."""
+    return int(face_components(faces).max(initial=-1)) + 1
+
+
+@cached_by_identity
+def topology(mesh: LabelledMesh) -> dict[str, float]:
+    """`components`, `euler` (vertices - edges + faces) and signed `volume` of one mesh; all 0 without faces.
+
+    Vertices that no face uses do not count.
+
+    Args:
+        mesh: Any frame; the volume is in its unit cubed, positive where faces are counter-clockwise from outside.
+    """
+    if mesh.is_empty:
+        return {"components": 0.0, "euler": 0.0, "volume": 0.0}
+    used, corners = np.unique(mesh.faces, return_inverse=True)
+    faces = corners.reshape(-1, 3)
+    edges = len(np.unique(edge_keys(faces, len(used))))
+    return {
+        "components": float(count_components(faces)),
+        "euler": float(len(used) - edges + len(faces)),
+        "volume": signed_volume(mesh.vertices[used].astype(np.float64), faces),
+    }
+
+
+def signed_volume(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> float:
+    """Volume within closed faces, positive where they are counter-clockwise from outside, by the divergence theorem."""
+    a, b, c = (vertices - vertices.mean(axis=0))[faces.T]
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)

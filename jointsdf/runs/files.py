@@ -1,0 +1,40 @@
+"""Files that are written whole or not at all, whatever happens to the process or the machine."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path`, whose file takes its place, flushed to the disk, when the block ends well.
+
+    Readers see the old file or the new one, also after a power cut. If the block fails, the old file is untouched.
+
+    Args:
+        path: The file to write; its folder is made where it is not there.
+
+    Raises:
+        OSError: The folder cannot be written or the disk is full.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        yield temporary
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_atomically(path: Path, content: str | bytes) -> None:
+    """Replace the content of a file in one step, by `replacing`; text is written as UTF-8 with line feeds.
+
+    Raises:
+        OSError: The folder cannot be written or the disk is full.
+    """
+    data = content.encode("utf-8", errors="backslashreplace") if isinstance(content, str) else content
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
