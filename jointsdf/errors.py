@@ -34,7 +34,7 @@ def require_integer(key: str, value: object, least: int, most: int = LARGEST, *,
         raise InputError(f"{key}={value}: give an integer, {_limits(least, most)}")
 
 
-def require_number(key: str, value: object, low: float = -math.inf, high: float = math.inf) -> None:
+def require_number(key: str, value: object, low: int | float = -math.inf, high: int | float = math.inf) -> None:
     """Refuse what is not a finite number from `low` to `high`; the arguments are those of `require_integer`.
 
     Raises:
@@ -56,7 +56,7 @@ def require_one_of(key: str, value: object, accepted: Collection[object]) -> Non
         raise InputError(f"{key}={value}: accepted are {listed}")
 
 
-def _limits(low: float, high: float) -> str:
+def _limits(low: int | float, high: int | float) -> str:
     if high in (LARGEST, math.inf):
         return "finite" if low == -math.inf else f"at least {low:g}"
     return f"from {low:g} to {high:g}"

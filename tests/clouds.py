@@ -1,16 +1,24 @@
-"""Training clouds of solids, and the exact distance to a box."""
+"""Training clouds and samplers of shapes, and the exact distance to a box."""
 
 import numpy as np
 import trimesh
 
 from jointsdf.data.point_cloud import Cloud
-from jointsdf.values import LabelledMesh
+from jointsdf.data.sampler import Counts, Sampler
+from jointsdf.data.samples import SampleSettings, draw_cloud, prepare_samples
+from jointsdf.values import LabelledMesh, Shape
 
 
 def cloud_of(solid: trimesh.Trimesh, count: int = 20000) -> Cloud:
     """So many points, uniform by area."""
     mesh = LabelledMesh(np.array(solid.vertices), np.array(solid.faces), np.zeros(len(solid.faces), dtype=np.int64))
     return Cloud.of(mesh, count=count, seed=0)
+
+
+def sampler_of(shape: Shape, counts: Counts, *, seed: int = 0, **settings: object) -> Sampler:
+    """As a run makes it."""
+    chosen = SampleSettings(**{"cloud_size": 2000, "pool_size": 3000, **settings})
+    return prepare_samples(shape, draw_cloud(shape, chosen, seed), counts, chosen, seed)
 
 
 def box_distance(points: np.ndarray, half: np.ndarray) -> np.ndarray:

@@ -13,10 +13,12 @@ from omegaconf import DictConfig, OmegaConf
 
 from jointsdf.data.datamodule import ShapeDataModule
 from jointsdf.data.sampler import Counts
+from jointsdf.data.samples import SampleSettings
 from jointsdf.experiment import build
+from jointsdf.extraction.resolution import cell_size
 from jointsdf.model.heads import HEADS
 from jointsdf.model.trunk import SirenTrunk
-from jointsdf.training.module import JointSDFModule
+from jointsdf.training.settings import FitSettings
 
 CONF = Path(__file__).parents[1] / "conf"
 CHOICES = sorted(f"{path.parent.relative_to(CONF)}={path.stem}" for path in CONF.glob("*/**/*.yaml"))
@@ -77,8 +79,9 @@ def test_every_choice_composes_and_every_component_takes_its_keys(choice: str) -
     bind(HEADS[head.pop("name")], head, 259, 4)
     data = settings["data"]
     bind(Counts, data.pop("counts"))
-    bind(ShapeDataModule, {**data, "seed": 0}, None, None)
-    taken = inspect.signature(JointSDFModule).parameters
+    bind(ShapeDataModule, {"workers": data.pop("workers")}, None)
+    bind(SampleSettings, data)
+    taken = inspect.signature(FitSettings).parameters
     assert {"max_steps", "clip", "head_lr", "cosine", "warmup"} <= settings["trainer"].keys() & taken.keys()
 
 
@@ -240,24 +243,32 @@ def test_evaluation_protocols() -> None:
 
 def test_rates_fall_on_a_large_surface_and_what_is_out_of_reach_decides_nothing() -> None:
     shape = build.load_shape(config())
-    assert build.trunk_rate(config("trainer.full_rate_area=null"), shape) == 1
-    assert build.trunk_rate(config("trainer.full_rate_area=20"), shape) == 1
-    assert build.trunk_rate(config("trainer.full_rate_area=6"), shape) == pytest.approx(6 / 12.77, abs=1e-3)
+
+    def rate_of(cfg: DictConfig) -> float:
+        return build.trunk_rate(cfg, shape, lambda: build.cloud_of(cfg, shape))
+
+    def fingerprint(cfg: DictConfig) -> dict[str, Any]:
+        return build.resolve_settings(cfg, shape, rate_of(cfg))[1]
+
+    assert rate_of(config("trainer.full_rate_area=null")) == 1
+    assert rate_of(config("trainer.full_rate_area=20")) == 1
+    assert rate_of(config("trainer.full_rate_area=6")) == pytest.approx(6 / 12.77, abs=1e-3)
     runs = (config(f"trainer.full_rate_area={limit}") for limit in ("null", 20, 6))
-    by_points = build.trunk_rate(config("trainer.full_rate_area=6", "data.distances=cloud"), shape)
+    by_points = rate_of(config("trainer.full_rate_area=6", "data.distances=cloud"))
     assert by_points == pytest.approx(6 / 12.77, rel=0.05)
-    assert by_points != build.trunk_rate(config("trainer.full_rate_area=6"), shape)
-    free, far, near = (build.settings_of(run, shape)[1]["trainer"] for run in runs)
+    assert by_points != rate_of(config("trainer.full_rate_area=6"))
+    free, far, near = (fingerprint(run)["trainer"] for run in runs)
     assert free == far == {key: value for key, value in near.items() if key != "full_rate_area"}
     shares = (config("recipe=points", f"data.counts.regions={share}") for share in (0.0, 0.5))
-    without, with_share = (build.settings_of(run, shape)[1]["data"] for run in shares)
+    without, with_share = (fingerprint(run)["data"] for run in shares)
     assert without == with_share, "a share of no points decides nothing"
     assert "region_points" not in without
-    assert build.settings_of(config(), shape)[1]["data"]["region_points"] == 30000
+    assert fingerprint(config())["data"]["region_points"] == 30000
     assert near["full_rate_area"] == 6
 
 
 def test_the_grid_begins_without_the_thinnest_wall_where_only_points_are_given() -> None:
-    assert build.first_resolution(config()) == "auto"
-    assert build.first_resolution(config("recipe=points")) == 256
-    assert build.first_resolution(config("recipe=points", "extraction.resolution=384")) == 384
+    wall = 1.5 * cell_size(256)
+    assert build.first_resolution(config(), wall) == 384
+    assert build.first_resolution(config("recipe=points"), wall) == 256
+    assert build.first_resolution(config("recipe=points", "extraction.resolution=512"), wall) == 512

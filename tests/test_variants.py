@@ -6,18 +6,19 @@ from typing import Any
 
 import pytest
 import torch
+from clouds import sampler_of
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from torch import nn
 from torch.optim import Adam, Optimizer
 
-from jointsdf.data.datamodule import ShapeDataModule
 from jointsdf.data.sampler import Counts
 from jointsdf.losses.schedule import Schedule
 from jointsdf.model.field import JointField
 from jointsdf.model.heads import HEADS
 from jointsdf.training.module import JointSDFModule, merged_needs
+from jointsdf.training.settings import FitSettings, Objective
 from jointsdf.values import Samples, Shape
 
 CONF = Path(__file__).parents[1] / "conf"
@@ -51,7 +52,7 @@ def objective(name: str) -> dict[str, Any]:
 @pytest.fixture
 def samples(box_shape: Shape) -> Samples:
     counts = Counts(manifold=128, non_manifold=128, shell=128, pool=128, balanced=0.5)
-    return ShapeDataModule(box_shape, counts, seed=0, cloud_size=2000, pool_size=2000).sampler.draw(0)
+    return sampler_of(box_shape, counts, pool_size=2000).draw(0)
 
 
 def test_every_head_of_the_registry_has_its_yaml() -> None:
@@ -142,13 +143,13 @@ def test_every_term_is_a_finite_scalar_not_below_zero(
 def test_terms_do_not_depend_on_the_others(small_field: Callable[..., JointField], samples: Samples, name: str) -> None:
     loss = objective(name)
     module = module_of(small_field("siren").eval(), loss)
-    together = module.evaluate(samples, merged_needs(list(loss["terms"].values())))
+    together = module.evaluate(samples, merged_needs(loss["terms"]))
     for term in loss["terms"].values():
         torch.testing.assert_close(term(together), term(module.evaluate(samples, term.needs)), rtol=1e-5, atol=1e-7)
 
 
 def module_of(field: JointField, loss: Mapping[str, Any], optimizer: Callable[..., Optimizer] = Adam) -> JointSDFModule:
-    return JointSDFModule(field, loss["terms"], loss["weights"], loss["schedules"], optimizer, max_steps=1000, seed=0)
+    return JointSDFModule(field, Objective(**loss), optimizer, FitSettings(1000))
 
 
 @pytest.mark.parametrize("name", names("optimizer"))
@@ -156,7 +157,7 @@ def test_optimizer_lowers_the_loss_in_twenty_steps(
     small_field: Callable[..., JointField], box_shape: Shape, name: str
 ) -> None:
     counts = Counts(manifold=200, non_manifold=200, shell=200, pool=400)
-    sampler = ShapeDataModule(box_shape, counts, seed=0, cloud_size=2000, pool_size=4000).sampler
+    sampler = sampler_of(box_shape, counts, pool_size=4000)
     field = small_field("siren", width=64, normalisation=sampler.cloud.normalisation).eval()
     loss = objective("joint")
     module = module_of(field, loss, instantiate(config(f"optimizer={name}").optimizer))

@@ -6,10 +6,10 @@ import trimesh
 from clouds import box_distance, cloud_of
 from scipy.ndimage import label
 
-from jointsdf.data.datamodule import ShapeDataModule
 from jointsdf.data.free_space import FINEST, LEAST_CELLS, FreeSpace
-from jointsdf.data.point_cloud import stream
+from jointsdf.data.point_cloud import Cloud, stream
 from jointsdf.data.sampler import Counts
+from jointsdf.data.samples import SampleSettings, prepare_samples
 from jointsdf.errors import InputError
 from jointsdf.values import BOX, Shape
 
@@ -92,10 +92,15 @@ def test_cells_stay_bounded_for_a_dense_cloud() -> None:
 def test_a_cloud_that_leaves_no_free_space_is_refused(count: int, box_shape: Shape) -> None:
     counts = Counts(manifold=10, non_manifold=10, shell=10, pool=10)
     with pytest.raises(InputError, match=f"{count} points leave no free space"):
-        ShapeDataModule(box_shape, counts, seed=0, cloud_size=count, pool_size=500, distances="cloud")
+        prepare_samples(
+            box_shape,
+            Cloud.of(box_shape.mesh, count=count, seed=0),
+            counts,
+            SampleSettings(100, 500, distances="cloud"),
+            0,
+        )
 
 
-def test_an_unknown_source_is_refused(box_shape: Shape) -> None:
-    counts = Counts(manifold=10, non_manifold=10, shell=10, pool=10)
+def test_an_unknown_source_is_refused() -> None:
     with pytest.raises(InputError, match=r"data\.distances=guess: accepted are mesh, cloud"):
-        ShapeDataModule(box_shape, counts, seed=0, cloud_size=100, pool_size=10, distances="guess")
+        SampleSettings(100, 10, distances="guess")

@@ -7,6 +7,7 @@ from itertools import islice
 import numpy as np
 import pytest
 import torch
+from clouds import sampler_of
 from scipy.stats import chisquare, kstest
 
 from jointsdf.data.datamodule import ShapeDataModule, StepStream
@@ -17,10 +18,6 @@ from jointsdf.geometry.mesh import area_uniform, face_normals
 from jointsdf.values import BOX, LabelledMesh, Samples, Shape
 
 COUNTS = Counts(manifold=300, non_manifold=200, shell=250, pool=150)
-
-
-def data_of(shape: Shape, counts: Counts = COUNTS, **options: float) -> ShapeDataModule:
-    return ShapeDataModule(shape, counts, **{"seed": 0, "cloud_size": 2000, "pool_size": 3000, **options})
 
 
 def same(a: Samples, b: Samples) -> bool:
@@ -116,7 +113,7 @@ def test_unlabelled_faces_give_unlabelled_points(box: LabelledMesh) -> None:
 
 
 def test_counts_and_types_of_a_step(box_shape: Shape) -> None:
-    samples = data_of(box_shape).sampler.draw(0)
+    samples = sampler_of(box_shape, COUNTS).draw(0)
     sizes = (300, 300, 300, 200, 250, 250, 150, 150)
     assert tuple(len(tensor) for tensor in samples) == sizes
     assert samples.labels.dtype == torch.int64
@@ -124,46 +121,47 @@ def test_counts_and_types_of_a_step(box_shape: Shape) -> None:
 
 
 def test_manifold_points_are_the_clouds_with_their_labels(box_shape: Shape) -> None:
-    data = data_of(box_shape)
-    samples = data.sampler.draw(11)
+    sampler = sampler_of(box_shape, COUNTS)
+    samples = sampler.draw(11)
     label_of = {
-        tuple(p): k for p, k in zip(data.cloud.points.astype(np.float32).tolist(), data.cloud.labels, strict=True)
+        tuple(p): k for p, k in zip(sampler.cloud.points.astype(np.float32).tolist(), sampler.cloud.labels, strict=True)
     }
     assert [label_of[tuple(p)] for p in samples.manifold.tolist()] == samples.labels.tolist()
 
 
 def test_points_are_uniform_in_the_box_and_angles_in_the_circle(box_shape: Shape) -> None:
     counts = replace(COUNTS, non_manifold=5000, shell=5000)
-    samples = data_of(box_shape, counts, pool_size=0).sampler.draw(0)
+    samples = sampler_of(box_shape, counts, pool_size=0).draw(0)
     for axis in samples.non_manifold.double().numpy().T:
         assert kstest(axis, "uniform", (-BOX, 2 * BOX)).pvalue > 0.01
     assert kstest(samples.angles.double().numpy(), "uniform", (0, 2 * np.pi)).pvalue > 0.01
 
 
 def test_steps_and_seeds_differ_and_repeat(box_shape: Shape) -> None:
-    data, again = data_of(box_shape), data_of(box_shape)
-    other = Sampler(data.cloud, data.sampler.pool, data.sampler.pool_distances, COUNTS, seed=1)
-    assert same(data.sampler.draw(4), again.sampler.draw(4))
-    for one, two in ((data.sampler.draw(4), data.sampler.draw(5)), (data.sampler.draw(4), other.draw(4))):
+    sampler, again = sampler_of(box_shape, COUNTS), sampler_of(box_shape, COUNTS)
+    other = Sampler(sampler.cloud, sampler.pool, sampler.pool_distances, COUNTS, seed=1)
+    assert same(sampler.draw(4), again.draw(4))
+    for one, two in ((sampler.draw(4), sampler.draw(5)), (sampler.draw(4), other.draw(4))):
         assert not any(torch.equal(x, y) for x, y in zip(one, two, strict=True))
 
 
 @pytest.mark.parametrize("workers", [0, 1, 2])
 def test_stream_is_the_same_for_any_number_of_workers(box_shape: Shape, workers: int) -> None:
-    data = data_of(box_shape, workers=workers)
+    sampler = sampler_of(box_shape, COUNTS)
+    data = ShapeDataModule(sampler, workers)
     for step, samples in enumerate(islice(data.train_dataloader(), 5)):
-        assert same(samples, data.sampler.draw(step))
+        assert same(samples, sampler.draw(step))
 
 
 def test_stream_goes_on_from_any_step(box_shape: Shape) -> None:
-    sampler = data_of(box_shape).sampler
+    sampler = sampler_of(box_shape, COUNTS)
     whole: Iterator[Samples] = iter(StepStream(sampler, 0))
     for late, early in zip(islice(StepStream(sampler, 7), 3), islice(whole, 7, 10), strict=True):
         assert same(late, early)
 
 
 def test_shell_widths_are_the_distances_to_the_51st_neighbour(box_shape: Shape) -> None:
-    sampler = data_of(box_shape, cloud_size=400).sampler
+    sampler = sampler_of(box_shape, COUNTS, cloud_size=400)
     points = sampler.cloud.points
     distances = np.sort(np.linalg.norm(points[:, None] - points[None], axis=2), axis=1)
     assert SHELL_NEIGHBOUR == 51
@@ -171,7 +169,7 @@ def test_shell_widths_are_the_distances_to_the_51st_neighbour(box_shape: Shape) 
 
 
 def test_small_cloud_uses_its_farthest_neighbour(box_shape: Shape) -> None:
-    sampler = data_of(box_shape, cloud_size=10).sampler
+    sampler = Sampler(Cloud.of(box_shape.mesh, count=10, seed=0), np.zeros((0, 3)), np.zeros(0), COUNTS, seed=0)
     points = sampler.cloud.points
     farthest = np.linalg.norm(points[:, None] - points[None], axis=2).max(axis=1)
     np.testing.assert_allclose(sampler.shell_widths[:, 0], farthest, rtol=1e-12)
@@ -185,7 +183,7 @@ def still(sampler: Sampler) -> Sampler:
 
 def test_shell_noise_has_the_points_own_width(box_shape: Shape) -> None:
     counts = replace(COUNTS, shell=20000)
-    noisy = data_of(box_shape, counts, pool_size=0).sampler
+    noisy = sampler_of(box_shape, counts, pool_size=0)
     widths = noisy.shell_widths
     points = noisy.draw(0).shell.double().numpy()
     centres = still(noisy).draw(0).shell.double().numpy()
@@ -197,10 +195,10 @@ def test_shell_noise_has_the_points_own_width(box_shape: Shape) -> None:
 def test_shell_offset_is_drawn_for_every_point_along_its_normal(
     box_shape: Shape, box_distance: Callable[[np.ndarray], np.ndarray]
 ) -> None:
-    data = data_of(box_shape, replace(COUNTS, shell=4000, shell_offset=0.1), pool_size=0)
-    shell = still(data.sampler).draw(0).shell
-    scale = data.cloud.normalisation.scale
-    offsets = box_distance(in_file_units(data.cloud, shell)) / scale
+    sampler = sampler_of(box_shape, replace(COUNTS, shell=4000, shell_offset=0.1), pool_size=0)
+    shell = still(sampler).draw(0).shell
+    scale = sampler.cloud.normalisation.scale
+    offsets = box_distance(in_file_units(sampler.cloud, shell)) / scale
     outward = offsets[offsets > 0]
     assert len(np.unique(np.round(outward, 6))) > 0.9 * len(outward)
     assert len(outward) / 4000 == pytest.approx(0.5, abs=0.03)
@@ -219,19 +217,19 @@ def test_balanced_share_meets_a_tiny_part(balanced: float, least: int, most: int
 
 def test_balanced_share_with_few_or_no_labels(box_shape: Shape) -> None:
     counts = replace(COUNTS, balanced=1.0)
-    few = data_of(box_shape, counts, label_fraction=0.1, pool_size=0).sampler.draw(0)
+    few = sampler_of(box_shape, counts, label_fraction=0.1, pool_size=0).draw(0)
     assert (few.labels >= 0).all()
-    none = data_of(box_shape, counts, label_fraction=0.0, pool_size=0).sampler.draw(0)
+    none = sampler_of(box_shape, counts, label_fraction=0.0, pool_size=0).draw(0)
     assert (none.labels == -1).all()
 
 
 def test_pool_holds_exact_distances_in_the_network_frame(
     box_shape: Shape, box_distance: Callable[[np.ndarray], np.ndarray]
 ) -> None:
-    data = data_of(box_shape)
-    samples = data.sampler.draw(3)
+    sampler = sampler_of(box_shape, COUNTS)
+    samples = sampler.draw(3)
     assert samples.pool.abs().max() <= BOX + 1e-6
-    expected = box_distance(in_file_units(data.cloud, samples.pool)) / data.cloud.normalisation.scale
+    expected = box_distance(in_file_units(sampler.cloud, samples.pool)) / sampler.cloud.normalisation.scale
     np.testing.assert_allclose(samples.pool_distances.numpy(), expected, atol=2e-6)
     assert (expected < 0).any()
     assert (expected > 0).any()
@@ -255,7 +253,7 @@ def test_pool_is_near_the_surface_and_everywhere(
 
 
 def test_no_pool_where_none_is_asked_for(box_shape: Shape) -> None:
-    samples = data_of(box_shape, pool_size=0).sampler.draw(0)
+    samples = sampler_of(box_shape, COUNTS, pool_size=0).draw(0)
     assert samples.pool.shape == (0, 3)
     assert samples.pool_distances.shape == (0,)
 
@@ -271,15 +269,14 @@ def test_no_pool_where_none_is_asked_for(box_shape: Shape) -> None:
         {"region_points": -1},
         {"border_points": -1},
         {"pool_near": 1.5},
-        {"workers": -1},
         {"seed": -1},
     ],
     ids=str,
 )
 def test_impossible_data_is_an_input_error(box_shape: Shape, options: dict[str, float]) -> None:
     ((name, value),) = options.items()
-    with pytest.raises(InputError, match=f"{name}={value}: must be "):
-        data_of(box_shape, **options)
+    with pytest.raises(InputError, match=f"{name}={value}: give a"):
+        sampler_of(box_shape, COUNTS, **options)
 
 
 @pytest.mark.parametrize(
@@ -299,5 +296,5 @@ def test_impossible_data_is_an_input_error(box_shape: Shape, options: dict[str, 
 )
 def test_impossible_counts_are_input_errors(wrong: dict[str, float]) -> None:
     ((name, value),) = wrong.items()
-    with pytest.raises(InputError, match=f"data.counts.{name}={value}: must be "):
+    with pytest.raises(InputError, match=f"data.counts.{name}={value}: give a"):
         replace(COUNTS, **wrong)

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 import trimesh
-from clouds import box_distance, cloud_of
+from clouds import box_distance, cloud_of, sampler_of
 
-from jointsdf.data.datamodule import ShapeDataModule, network_distance
+from jointsdf.data import point_cloud, samples
 from jointsdf.data.point_cloud import Cloud, pool_points, stream
 from jointsdf.data.sampler import Counts
 from jointsdf.data.surfels import Surfels
+from jointsdf.geometry.distance import network_distance
 from jointsdf.values import BOX, Samples, Shape
 
 
@@ -117,20 +118,18 @@ def test_a_few_points_tell_nothing(count: int) -> None:
 
 def test_a_run_knows_of_the_cloud_what_its_points_tell(box_shape: Shape) -> None:
     counts = Counts(manifold=2000, non_manifold=10, shell=10, pool=400)
-    data = ShapeDataModule(
-        box_shape, counts, seed=0, cloud_size=20000, pool_size=5000, region_points=500, distances="cloud"
-    )
+    sampler = sampler_of(box_shape, counts, cloud_size=20000, pool_size=5000, region_points=500, distances="cloud")
     cloud = Cloud.of(box_shape.mesh, count=20000, region_points=500, seed=0)
-    found = data.cloud.normals
+    found = sampler.cloud.normals
     np.testing.assert_array_equal(found[:20000], surfels_of(Cloud.of(box_shape.mesh, count=20000, seed=0)).normals)
     assert not found[20000:].any(), "of other points than the uniform ones nothing is estimated"
     assert ((found * cloud.normals).sum(axis=1)[found.any(axis=1)] > 0.9).mean() > 0.99
     pool = pool_points(cloud, count=5000, near_share=0.5, seed=0)
-    assert len(data.sampler.pool) > 0.9 * len(pool), "known down to the surface"
-    exact = network_distance(box_shape, cloud.normalisation).signed(data.sampler.pool)
-    errors = np.abs(data.sampler.pool_distances - exact)
+    assert len(sampler.pool) > 0.9 * len(pool), "known down to the surface"
+    exact = network_distance(box_shape, cloud.normalisation).signed(sampler.pool)
+    errors = np.abs(sampler.pool_distances - exact)
     assert np.quantile(errors[np.abs(exact) < 0.03], 0.9) < 1e-6
-    np.testing.assert_allclose(data.sampler.pool_distances, exact, atol=0.03)
+    np.testing.assert_allclose(sampler.pool_distances, exact, atol=0.03)
 
 
 def test_with_distances_from_the_cloud_nothing_of_the_mesh_but_points_reaches_a_step(
@@ -139,12 +138,11 @@ def test_with_distances_from_the_cloud_nothing_of_the_mesh_but_points_reaches_a_
     counts = Counts(manifold=200, non_manifold=10, shell=100, pool=200, shell_offset=0.01)
 
     def drawn() -> Samples:
-        data = ShapeDataModule(box_shape, counts, seed=0, cloud_size=5000, pool_size=5000, distances="cloud")
-        return data.sampler.draw(3)
+        return sampler_of(box_shape, counts, cloud_size=5000, pool_size=5000, distances="cloud").draw(3)
 
     honest = drawn()
-    monkeypatch.setattr("jointsdf.data.point_cloud.face_normals", lambda _, faces: np.full((len(faces), 3), np.nan))
-    monkeypatch.setattr("jointsdf.data.datamodule.network_distance", lambda *_: pytest.fail("the mesh was asked"))
+    monkeypatch.setattr(point_cloud, "face_normals", lambda _, faces: np.full((len(faces), 3), np.nan))
+    monkeypatch.setattr(samples, "network_distance", lambda *_: pytest.fail("the mesh was asked"))
     for one, other in zip(honest, drawn(), strict=True):
         np.testing.assert_array_equal(one.numpy(), other.numpy())
     assert honest.normals.any()

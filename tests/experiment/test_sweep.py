@@ -18,8 +18,7 @@ import yaml
 from command_line import PLACE, QUICK, ROOT, Answer, call, finished, train
 from omegaconf import OmegaConf
 
-from jointsdf.experiment import build
-from jointsdf.experiment import sweep
+from jointsdf.experiment import build, sweep
 from jointsdf.model.heads.relu import ReluHead
 from jointsdf.runs import status as run_state
 from jointsdf.runs.row import config_hash

@@ -3,6 +3,7 @@
 import json
 import logging
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,19 @@ from command_line import train
 
 from jointsdf.experiment import run as experiment
 from jointsdf.experiment.tensorboard import extract
+from jointsdf.extraction import resolution as module
 from jointsdf.extraction.extractor import Extraction
-from jointsdf.extraction.resolution import FEWEST, close_faces, pieces_and_handles, settled
+from jointsdf.extraction.resolution import (
+    CELLS,
+    FEWEST_CLOSE,
+    FINEST,
+    cell_size,
+    components_and_euler,
+    count_close_faces,
+    refine_until_stable,
+    resolution_for,
+    thin_wall_warning,
+)
 from jointsdf.model.field import JointField
 from jointsdf.values import BOX
 
@@ -45,18 +57,18 @@ def slit(width: float) -> Sdf:
 
 @pytest.mark.parametrize(("sdf", "resolution"), [(fin(0.9), 48), (slit(0.8), 72)], ids=["fin", "slit"])
 def test_where_a_grid_breaks_a_wall_or_bridges_a_gap_a_finer_one_is_taken(sdf: Sdf, resolution: int) -> None:
-    assert pieces_and_handles(Extraction(32).surface(sdf)) != (1, 2), "no test: the coarse grid is fine enough"
-    extraction, surface = settled(Extraction(32), sdf, LADDER)
+    assert components_and_euler(Extraction(32).surface(sdf)) != (1, 2), "no test: the coarse grid is fine enough"
+    extraction, surface = refine_until_stable(Extraction(32), sdf, LADDER)
     assert extraction == Extraction(resolution)
-    assert pieces_and_handles(surface) == (1, 2)
+    assert components_and_euler(surface) == (1, 2)
     np.testing.assert_array_equal(extraction.surface(sdf).vertices, surface.vertices)
 
 
 def test_a_thin_wall_that_the_next_grid_shows_alike_is_kept(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
-    extraction, surface = settled(Extraction(32), fin(1.2), LADDER)
+    extraction, surface = refine_until_stable(Extraction(32), fin(1.2), LADDER)
     assert extraction == Extraction(32)
-    assert pieces_and_handles(surface) == (1, 2)
+    assert components_and_euler(surface) == (1, 2)
     assert "faces are within a cell of another one: compared with 48^3" in caplog.text
 
 
@@ -68,16 +80,16 @@ def test_without_thin_places_the_field_is_asked_for_one_grid_alone() -> None:
         return plate(3)(points)
 
     once = Extraction(32).surface(plate(3))
-    extraction, surface = settled(Extraction(32), counted, LADDER)
+    extraction, surface = refine_until_stable(Extraction(32), counted, LADDER)
     assert extraction == Extraction(32)
     assert sum(asked) == round(once.evaluated * 32**3)
     np.testing.assert_array_equal(surface.faces, once.faces)
 
 
 def test_where_all_is_thin_the_grid_that_holds_it_together_is_taken() -> None:
-    extraction, surface = settled(Extraction(32), plate(0.5), LADDER)
+    extraction, surface = refine_until_stable(Extraction(32), plate(0.5), LADDER)
     assert extraction == Extraction(72), "six pieces at 32, ten at 48"
-    assert pieces_and_handles(surface) == (1, 2)
+    assert components_and_euler(surface) == (1, 2)
 
 
 @pytest.mark.parametrize(
@@ -88,8 +100,8 @@ def test_where_all_is_thin_the_grid_that_holds_it_together_is_taken() -> None:
 def test_what_no_grid_can_show_is_said(
     most: int, resolution: int, reason: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("jointsdf.extraction.resolution.MOST", most)
-    extraction, _ = settled(Extraction(32), slit(0.8), (32, 48))
+    monkeypatch.setattr(module, "MOST_POINTS", most)
+    extraction, _ = refine_until_stable(Extraction(32), slit(0.8), (32, 48))
     assert extraction == Extraction(resolution)
     [warning] = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
     assert warning.startswith(f"{resolution}^3: ")
@@ -98,30 +110,30 @@ def test_what_no_grid_can_show_is_said(
     )
 
 
-@pytest.mark.parametrize(("close", "resolution"), [(FEWEST - 1, 32), (FEWEST, 48)])
+@pytest.mark.parametrize(("close", "resolution"), [(FEWEST_CLOSE - 1, 32), (FEWEST_CLOSE, 48)])
 def test_a_few_close_faces_are_slivers(close: int, resolution: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jointsdf.extraction.resolution.close_faces", lambda _, at: close if at == 32 else 0)
-    assert settled(Extraction(32), fin(0.9), LADDER)[0] == Extraction(resolution)
+    monkeypatch.setattr(module, "count_close_faces", lambda _, at: close if at == 32 else 0)
+    assert refine_until_stable(Extraction(32), fin(0.9), LADDER)[0] == Extraction(resolution)
 
 
 def test_a_field_without_a_surface_is_settled_at_once() -> None:
-    extraction, surface = settled(Extraction(32), lambda points: np.ones(len(points)), LADDER)
+    extraction, surface = refine_until_stable(Extraction(32), lambda points: np.ones(len(points)), LADDER)
     assert extraction == Extraction(32)
     assert len(surface.faces) == 0
 
 
 def test_both_sides_of_a_thin_wall_count_and_a_thick_one_has_none() -> None:
     fine = Extraction(128).surface(plate(0.9))
-    assert close_faces(fine, 32) > 0.8 * len(fine.faces)  # cells of 32 points an axis
-    assert close_faces(fine, 64) == 0  # the wall is 1.8 of these
-    assert close_faces(Extraction(32).surface(plate(6)), 32) == 0
+    assert count_close_faces(fine, 32) > 0.8 * len(fine.faces)  # cells of 32 points an axis
+    assert count_close_faces(fine, 64) == 0  # the wall is 1.8 of these
+    assert count_close_faces(Extraction(32).surface(plate(6)), 32) == 0
 
 
 def test_a_run_takes_the_finer_grid_and_its_row_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`auto` of a shape without thin walls starts at 256; here the ladder is short, and the fit too short for it."""
-    monkeypatch.setattr("jointsdf.shapes.mesh_report.LADDER", (16,))
+    monkeypatch.setattr(module, "LADDER", (16,))
     finer = Extraction(24, borders="split")
-    monkeypatch.setattr(experiment, "settled", lambda _, sdf: (finer, finer.surface(sdf)))
+    monkeypatch.setattr(experiment, "refine_until_stable", lambda _, sdf: (finer, finer.surface(sdf)))
     assert train(tmp_path, "extraction.resolution=auto").code == 0
     row = json.loads(next(tmp_path.rglob("result.json")).read_text())
     assert row["provenance"]["resolution"] == 24
@@ -129,3 +141,26 @@ def test_a_run_takes_the_finer_grid_and_its_row_says_so(tmp_path: Path, monkeypa
     assert row["provenance"]["grid_cell"] == pytest.approx(2 * BOX * field.normalisation.scale / 23)
     mesh = extract(field, finer)
     assert row["counts"]["faces_pred"] == len(mesh.faces)
+
+
+def test_every_step_of_the_ladder_is_taken_and_no_wall_is_the_coarsest() -> None:
+    for coarser, finer in pairwise(module.LADDER):
+        wall = CELLS * 2 * BOX / (coarser - 1)
+        assert (resolution_for(1.001 * wall), resolution_for(0.999 * wall)) == (coarser, finer)
+    assert resolution_for(float("inf")) == module.LADDER[0]
+    assert resolution_for(0.0) == FINEST
+
+
+def test_a_wall_under_two_cells_warns_with_the_resolution_that_holds_it() -> None:
+    warning = thin_wall_warning(0.1, 128, 10.0)
+    assert warning is not None
+    assert "thinnest wall (0.1) is under 2 cells of the grid (of 0.173)" in warning
+    enough = int(warning.rpartition("=")[2])
+    assert thin_wall_warning(0.1, enough, 10.0) is None
+    assert thin_wall_warning(0.1, enough - 1, 10.0) is not None
+    assert f"no grid up to {FINEST} can hold it" in str(thin_wall_warning(0.01, 256, 10.0))
+    assert thin_wall_warning(float("inf"), 8, 1.0) is None
+
+
+def test_a_cell_is_the_boxs_side_by_the_intervals_of_the_grid() -> None:
+    assert cell_size(111) == pytest.approx(2 * BOX / 110)

@@ -1,5 +1,4 @@
 import logging
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -7,18 +6,16 @@ import pytest
 import trimesh
 
 from jointsdf import shapes
-from jointsdf.shapes.mesh_report import CELLS, FINEST, LADDER, MeshReport, mesh_report, resolution_for
+from jointsdf.shapes.mesh_report import MeshReport, mesh_report
 from jointsdf.shapes.repair import repair_mesh
-from jointsdf.values import BOX, LabelledMesh, Shape
+from jointsdf.values import LabelledMesh, Shape
 
 
-def report_on(
-    mesh: trimesh.Trimesh, resolution: int | str = 256, labels: np.ndarray | None = None, scale: float = 1.0
-) -> MeshReport:
+def report_on(mesh: trimesh.Trimesh, labels: np.ndarray | None = None) -> MeshReport:
     solid = repair_mesh("it", np.array(mesh.vertices), np.array(mesh.faces))
     labels = np.zeros(len(solid.faces), dtype=np.int64) if labels is None else labels
     shape = Shape("it", LabelledMesh(solid.vertices, solid.faces, labels), "", "builtin", solid.watertight)
-    return mesh_report(shape, scale, resolution)
+    return mesh_report(shape)
 
 
 def plate(thickness: float) -> trimesh.Trimesh:
@@ -45,44 +42,12 @@ def test_wall_is_the_thinnest_one_with_a_share_of_the_surface() -> None:
     assert report_on(trimesh.util.concatenate([hollow, inner])).wall == pytest.approx(0.2, rel=1e-2)
 
 
-def test_cell_is_that_of_the_grid_over_the_training_box() -> None:
-    assert report_on(plate(1.0), 111, scale=10.0).cell == pytest.approx(2 * BOX * 10.0 / 110)
-
-
-def test_a_wall_under_two_cells_warns_with_the_resolution_that_holds_it(caplog: pytest.LogCaptureFixture) -> None:
+def test_the_report_is_logged_with_the_wall_in_cells(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
-    mesh = plate(0.1)
-    thin = report_on(mesh, 128, scale=10.0)
-    [warning] = thin.warnings()
-    enough = int(warning.rpartition("=")[2])
-    assert "thinnest wall (0.1) is under 2 cells of the grid (of 0.173)" in warning
-    assert report_on(mesh, enough, scale=10.0).warnings() == []
-    assert report_on(mesh, enough - 2, scale=10.0).warnings() != []
-    [hopeless] = report_on(plate(0.01), 256, scale=10.0).warnings()
-    assert f"no grid up to {FINEST} can hold it" in hopeless
-    caplog.clear()
-    thin.log()
-    assert [record.getMessage() for record in caplog.records] == [*thin.lines(), warning]
-    assert [record.levelname for record in caplog.records][-1] == "WARNING"
-
-
-@pytest.mark.parametrize(
-    ("thickness", "resolution"),
-    [(3.0, 256), (0.1733, 256), (0.17, 384), (0.09, 512), (0.06, 768), (0.05, 1024), (0.01, 1024)],
-)
-def test_auto_is_the_coarsest_grid_with_two_cells_across_the_wall(thickness: float, resolution: int) -> None:
-    report = report_on(plate(thickness), "auto", scale=10.0)
-    assert report.resolution == resolution
-    assert report.cell == pytest.approx(2 * BOX * 10.0 / (resolution - 1))
-    assert (report.warnings() == []) == (report.wall >= CELLS * report.cell)
-    assert all("no grid up to 1024 can hold it" in line for line in report.warnings())
-
-
-def test_every_step_of_the_ladder_is_taken_and_no_wall_is_the_coarsest() -> None:
-    for coarser, finer in pairwise(LADDER):
-        wall = 2 * 2 * BOX / (coarser - 1)
-        assert (resolution_for(1.001 * wall), resolution_for(0.999 * wall)) == (coarser, finer)
-    assert resolution_for(float("inf")) == LADDER[0]
+    report = report_on(plate(0.1))
+    report.log(0.05)
+    assert [record.getMessage() for record in caplog.records] == report.lines(0.05)
+    assert "thinnest wall 0.1, 2.0 cells of the grid" in caplog.text
 
 
 def test_bodies_that_overlap_are_told_by_the_surface_inside() -> None:
@@ -134,9 +99,9 @@ def test_parts_are_listed_by_falling_area_on_one_screen() -> None:
     )
     assert [part for part, _ in report.parts] == [7, 3]
     assert [share for _, share in report.parts] == pytest.approx([20 / 34, 4 / 34])
-    assert report.lines()[-1] == "  parts         2 (7: 58.8%, 3: 11.8%)"
+    assert report.lines(0.1)[-1] == "  parts         2 (7: 58.8%, 3: 11.8%)"
     many = trimesh.creation.icosphere(subdivisions=3)
-    lines = report_on(many, labels=np.arange(len(many.faces))).lines()
+    lines = report_on(many, labels=np.arange(len(many.faces))).lines(0.1)
     assert len(lines) == 5
     assert lines[-1].endswith(f"and {len(many.faces) - 24} more)")
 
@@ -148,12 +113,12 @@ def test_repairs_of_a_file_are_counted(tmp_path: Path) -> None:
     faces = np.concatenate([faces, faces[4:7]])
     (tmp_path / "a.ply").write_bytes(trimesh.Trimesh(box.vertices, faces, process=False).export(file_type="ply"))
     shape = shapes.load(str(tmp_path / "a.ply"), labels="none", segmented=False, abc_root="nowhere")
-    report = mesh_report(shape, 1.0, 64)
+    report = mesh_report(shape)
     assert (report.faces, report.watertight, report.flipped, report.dropped) == (12, True, 2, 3)
     assert report.counts() == {"components_gt": 1, "flipped_gt": 2, "dropped_gt": 3}
-    assert report.lines()[1] == "  repairs       2 faces flipped, 3 dropped"
-    assert report.lines()[-1] == "  parts         0"
-    assert set(report.facts()) == {"watertight", "near_contact", "inside_solid", "thinnest_wall", "grid_cell"}
+    assert report.lines(0.1)[1] == "  repairs       2 faces flipped, 3 dropped"
+    assert report.lines(0.1)[-1] == "  parts         0"
+    assert set(report.facts()) == {"watertight", "near_contact", "inside_solid", "thinnest_wall"}
 
 
 def test_the_report_does_not_depend_on_unit_and_place() -> None:
@@ -161,6 +126,6 @@ def test_the_report_does_not_depend_on_unit_and_place() -> None:
     here = report_on(mesh)
     mesh.apply_scale(1e3)
     mesh.apply_translation([1e4, -2e4, 5e3])
-    there = report_on(mesh, scale=1e3)
+    there = report_on(mesh)
     assert there.wall == pytest.approx(1e3 * here.wall, rel=1e-3)
     assert (there.contacts, there.buried) == (here.contacts, here.buried)

@@ -23,6 +23,7 @@ from jointsdf.model.field import JointField
 from jointsdf.model.trunk import SirenTrunk
 from jointsdf.optimizers import MuonAdam, parameter_groups
 from jointsdf.training.module import JointSDFModule, NonFiniteLossError, merged_needs
+from jointsdf.training.settings import FitSettings, Objective
 from jointsdf.values import Samples, Step
 
 BuildField = Callable[..., JointField]
@@ -87,7 +88,8 @@ def module_of(
     optimizer: Callable[..., Optimizer] = Adam,
     **options: float,
 ) -> Stepped:
-    return Stepped(field, terms, weights, schedules or {}, optimizer, **{"max_steps": 100, "seed": 0, **options})
+    settings = FitSettings(**{"max_steps": 100, "seed": 0, **options})
+    return Stepped(field, Objective(terms, weights, schedules or {}), optimizer, settings)
 
 
 @pytest.mark.parametrize("head", ["relu", "siren", "hybrid", "deep_skip", "none"])
@@ -97,7 +99,7 @@ def test_step_is_the_weighted_sum_of_its_terms(small_field: BuildField, head: st
     if head == "none":
         samples = samples._replace(labels=torch.full((24,), -1))
     total = module.training_step(samples, 0)
-    step = module.evaluate(samples, merged_needs(list(TERMS.values())))
+    step = module.evaluate(samples, merged_needs(TERMS))
     expected = {name: term(step).item() for name, term in TERMS.items()}
     assert {name: module.logged[f"loss/{name}"] for name in TERMS} == expected
     assert total.item() == pytest.approx(sum(WEIGHTS[name] * value for name, value in expected.items()), rel=1e-5)
@@ -109,7 +111,7 @@ def test_step_is_the_weighted_sum_of_its_terms(small_field: BuildField, head: st
 def test_step_values_are_the_fields_own(small_field: BuildField) -> None:
     field = small_field("siren").eval()
     samples = samples_of()
-    step = module_of(field).evaluate(samples, merged_needs(list(TERMS.values())))
+    step = module_of(field).evaluate(samples, merged_needs(TERMS))
     for name, values in step.fields.items():
         points = getattr(samples, name).clone().requires_grad_()
         sdf, features = field.trunk(points)
@@ -169,9 +171,17 @@ def test_names_that_do_not_match_are_an_input_error(
         )
 
 
-@pytest.mark.parametrize("weights", [{"a": 0.0, "b": 0.0}, {"a": 1.0, "b": -1.0}])
-def test_weights_that_cannot_train_are_an_input_error(small_field: BuildField, weights: dict[str, float]) -> None:
-    with pytest.raises(InputError, match=r"^loss\.weights=.*must be >= 0, and one of them > 0$"):
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        ({"a": 0.0, "b": 0.0}, r"^loss\.weights=\{'a': 0\.0, 'b': 0\.0\}: one of them must be > 0$"),
+        ({"a": 1.0, "b": -1.0}, r"^loss\.weights\.b=-1\.0: give a number, at least 0$"),
+    ],
+)
+def test_weights_that_cannot_train_are_an_input_error(
+    small_field: BuildField, weights: dict[str, float], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
         module_of(small_field(), {"a": Constant(1.0), "b": Constant(1.0)}, weights)
 
 

@@ -22,19 +22,18 @@ import torch
 from torch._C._profiler import _ExperimentalConfig
 from torch.profiler import ProfilerActivity, profile
 from benchmarks.scene import built, composed
-from jointsdf.assembly import products
-from jointsdf.fitting import fit
+from jointsdf.experiment.build import fit_machine
+from jointsdf.training.fit import fit
 from jointsdf.threads import large_pieces
 
 torch.set_num_threads(2)
 cfg = composed("trainer.max_steps=3", "data.pool_size=20000", "trunk.width=64", *sys.argv[2:])
 _, data, module = built(cfg)
-how = {"accelerator": "cpu", "checkpoint_seconds": 1e9, "log_every": 10}
 everything = _ExperimentalConfig(profile_all_threads=True)
 with tempfile.TemporaryDirectory() as folder, large_pieces():
-    fit(module, data, Path(folder) / "warm", preview=None, products=products(cfg), **how)  # and choose
+    fit(module, data, Path(folder) / "warm", fit_machine(cfg))  # and choose
     with profile(activities=[ProfilerActivity.CPU], record_shapes=True, experimental_config=everything) as seen:
-        _, facts = fit(module, data, Path(folder) / "seen", preview=None, products=products(cfg), **how)
+        _, facts = fit(module, data, Path(folder) / "seen", fit_machine(cfg))
 seen.export_chrome_trace(sys.argv[1])
 print(torch.backends.cpu.get_cpu_capability(), facts["backward"], facts["orthogonalisation"])
 """

@@ -17,6 +17,7 @@ from jointsdf.model.field import JointField
 from jointsdf.model.fused.evaluate import Evaluation, evaluate
 from jointsdf.model.trunk import SirenTrunk
 from jointsdf.training.module import JointSDFModule, merged_needs
+from jointsdf.training.settings import FitSettings, Objective
 from jointsdf.values import FieldValues, Samples, Step
 
 CONF = str(Path(__file__).parents[3] / "conf")
@@ -127,8 +128,8 @@ def samples_of(dtype: torch.dtype, count: int = 24) -> Samples:
 
 
 def total(module: JointSDFModule, step: Step) -> Tensor:
-    weights = module.active_weights(0)
-    return torch.stack([weight * module.terms[name](step) for name, weight in weights.items()]).sum()
+    weights = module.objective.active_weights(0.0)
+    return torch.stack([weight * module.objective.terms[name](step) for name, weight in weights.items()]).sum()
 
 
 @pytest.mark.parametrize("derivative", ["exact", "finite_difference"])
@@ -145,10 +146,10 @@ def test_every_objective_and_head_has_the_oracles_gradients(
     field = small_field(head).eval().to(dtype)
     torch.nn.init.uniform_(field.trunk.output.weight, -1, 1)
     module = JointSDFModule(
-        field, objective["terms"], weights, objective["schedules"], torch.optim.Adam, max_steps=100, seed=0
+        field, Objective(objective["terms"], weights, objective["schedules"]), torch.optim.Adam, FitSettings(100)
     )
     samples = samples_of(dtype)
-    needs = merged_needs([module.terms[name] for name in module.active_weights(0)])
+    needs = merged_needs({name: module.objective.terms[name] for name in module.objective.active_weights(0.0)})
     parameters = dict(field.named_parameters())
     gradients = [
         dict(zip(parameters, torch.autograd.grad(total(module, step), list(parameters.values())), strict=True))
