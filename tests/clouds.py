@@ -1,4 +1,4 @@
-"""Training clouds and samplers of shapes, and the exact distance to a box."""
+"""Training clouds and samplers of shapes."""
 
 import numpy as np
 import trimesh
@@ -19,9 +19,3 @@ def sampler_of(shape: Shape, counts: Counts, *, seed: int = 0, **settings: objec
     """As a run makes it."""
     chosen = SampleSettings(**{"cloud_size": 2000, "pool_size": 3000, **settings})
     return prepare_samples(shape, draw_cloud(shape, chosen, seed), counts, chosen, seed)
-
-
-def box_distance(points: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Signed distance to a box about the origin, by half its extents."""
-    q = np.abs(points) - half
-    return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)

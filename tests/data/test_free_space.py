@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
-from clouds import box_distance, cloud_of
+from analytic import box_distance
+from clouds import cloud_of
 from scipy.ndimage import label
 
 from jointsdf.data.free_space import FINEST, LEAST_CELLS, FreeSpace

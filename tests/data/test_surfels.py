@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
-from clouds import box_distance, cloud_of, sampler_of
+from analytic import box_distance
+from clouds import cloud_of, sampler_of
 
 from jointsdf.data import point_cloud, samples
 from jointsdf.data.point_cloud import Cloud, pool_points, stream

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from analytic import box_distance, sphere_distance, torus_distance
 from scipy.spatial import KDTree
 from skimage.measure import marching_cubes
 from torch import Tensor, nn
@@ -28,20 +29,15 @@ WIRE = KDTree(np.stack([0.8 * np.cos(9 * TURN), 0.8 * np.sin(9 * TURN), 1.7 * TU
 
 
 def ball(centre: tuple[float, float, float], radius: float) -> Sdf:
-    return lambda points: np.linalg.norm(points - np.array(centre), axis=1) - radius
-
-
-def box(points: np.ndarray, half: tuple[float, float, float]) -> np.ndarray:
-    q = np.abs(points) - np.array(half)
-    return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+    return lambda points: sphere_distance(points - np.array(centre), radius)
 
 
 def drilled_box(points: np.ndarray) -> np.ndarray:
-    return np.maximum(box(points, (0.83, 0.61, 0.37)), 0.293 - np.hypot(points[:, 0], points[:, 1]))
+    return np.maximum(box_distance(points, (0.83, 0.61, 0.37)), 0.293 - np.hypot(points[:, 0], points[:, 1]))
 
 
 def torus(points: np.ndarray) -> np.ndarray:
-    return np.hypot(np.hypot(points[:, 0], points[:, 1]) - 0.61, points[:, 2]) - 0.17
+    return torus_distance(points, 0.61, 0.17)
 
 
 def far_apart(points: np.ndarray) -> np.ndarray:
@@ -49,7 +45,7 @@ def far_apart(points: np.ndarray) -> np.ndarray:
 
 
 def plate(points: np.ndarray) -> np.ndarray:
-    return box(points - np.array([0, 0, 0.0071]), (0.8, 0.7, 0.75 * CELL))
+    return box_distance(points - np.array([0, 0, 0.0071]), (0.8, 0.7, 0.75 * CELL))
 
 
 def truncated_tube(points: np.ndarray) -> np.ndarray:
@@ -182,7 +178,7 @@ def stepped(signed: np.ndarray, high: float, slope: float) -> np.ndarray:
 
 def far_sheet(points: np.ndarray) -> np.ndarray:
     """A ball, and far from it a closed sheet 1.5 cells thick between two planes of the coarse lattice."""
-    sheet = box(points - (np.array([0, 0, 102 * CELL - BOX])), (0.9, 0.9, 0.75 * CELL))
+    sheet = box_distance(points - (np.array([0, 0, 102 * CELL - BOX])), (0.9, 0.9, 0.75 * CELL))
     return np.minimum(ball((0, 0, -0.5), 0.3)(points), stepped(sheet, 0.2, 10))
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from analytic import box_distance
 from command_line import train
 
 from jointsdf.experiment import run as experiment
@@ -35,8 +36,7 @@ TURN = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
 
 
 def turned_box(points: np.ndarray, half: tuple[float, float, float]) -> np.ndarray:
-    q = np.abs(points @ TURN) - np.array(half)
-    return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+    return box_distance(points @ TURN, half)
 
 
 def plate(thickness: float) -> Sdf:

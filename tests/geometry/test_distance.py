@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from analytic import box_distance
 
 from jointsdf.geometry.distance import PIECES, VOTING, ClosestPoint, ExactDistance, agreed, cut
 from jointsdf.values import LabelledMesh
@@ -16,11 +17,6 @@ def labelled(mesh: trimesh.Trimesh) -> LabelledMesh:
 
 def box() -> LabelledMesh:
     return labelled(trimesh.creation.box(extents=2 * HALF))
-
-
-def box_distance(points: np.ndarray) -> np.ndarray:
-    q = np.abs(points) - HALF
-    return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
 
 
 def uniform(count: int, seed: int = 0) -> np.ndarray:
@@ -44,7 +40,9 @@ def triangle_distance(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 def test_box_is_exact_with_its_sign() -> None:
     points = uniform(5000)
-    np.testing.assert_allclose(ExactDistance(box(), watertight=True).signed(points), box_distance(points), atol=1e-12)
+    np.testing.assert_allclose(
+        ExactDistance(box(), watertight=True).signed(points), box_distance(points, HALF), atol=1e-12
+    )
 
 
 def test_sphere_is_exact_up_to_the_faceting() -> None:
@@ -91,7 +89,7 @@ def test_long_faces_give_the_same_distance_as_brute_force() -> None:
 def test_winding_sign_agrees_with_the_pseudonormal_on_a_closed_mesh() -> None:
     points = uniform(5000, seed=1)
     by_winding = ExactDistance(box(), watertight=False).signed(points)
-    np.testing.assert_allclose(by_winding, box_distance(points), atol=1e-12)
+    np.testing.assert_allclose(by_winding, box_distance(points, HALF), atol=1e-12)
 
 
 def test_sign_stays_right_far_from_a_hole() -> None:
@@ -110,7 +108,7 @@ def test_frame_and_unit_are_the_meshs() -> None:
     shifted = LabelledMesh(box().vertices * 250 + [1e4, -3e4, 5e3], box().faces, box().labels)
     points = uniform(500)
     signed = ExactDistance(shifted, watertight=True).signed(points * 250 + [1e4, -3e4, 5e3])
-    np.testing.assert_allclose(signed, 250 * box_distance(points), atol=1e-7)
+    np.testing.assert_allclose(signed, 250 * box_distance(points, HALF), atol=1e-7)
 
 
 @pytest.mark.parametrize("watertight", [True, False])
@@ -132,7 +130,7 @@ def test_no_points_and_float32_points(watertight: bool) -> None:
     assert exact.closest_face(np.zeros((0, 3))).shape == (0,)
     points = uniform(50).astype(np.float32)
     assert exact.signed(points).dtype == np.float64
-    np.testing.assert_allclose(exact.signed(points), box_distance(points.astype(np.float64)), atol=1e-12)
+    np.testing.assert_allclose(exact.signed(points), box_distance(points.astype(np.float64), HALF), atol=1e-12)
 
 
 def test_a_fold_does_not_turn_the_space_that_it_is_nearest_to() -> None:

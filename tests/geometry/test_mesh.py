@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from analytic import box_distance
 from scipy.spatial import KDTree
 
 from jointsdf.data.point_cloud import Cloud, pool_points, region_areas, stream
@@ -22,8 +23,7 @@ def halves(labels: tuple[int, int] = (4, 9)) -> LabelledMesh:
 
 
 def distance_to_box(points: np.ndarray) -> np.ndarray:
-    q = np.abs(points - [0.5, 0, 0]) - [2, 1, 1]
-    return np.abs(np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0))
+    return np.abs(box_distance(points - [0.5, 0, 0], [2, 1, 1]))
 
 
 def test_edge_keys_are_equal_for_the_two_sides_of_an_edge() -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import pytest
 import torch
+from analytic import box_distance, cylinder_distance, sphere_distance
 from torch import Tensor
 
 from jointsdf.errors import InputError
@@ -29,16 +30,15 @@ HALF = torch.tensor([0.7, 0.5, 0.3], dtype=torch.float64)
 
 
 def sphere(points: Tensor) -> Tensor:
-    return points.norm(dim=-1) - RADIUS
+    return sphere_distance(points, RADIUS)
 
 
 def cylinder(points: Tensor) -> Tensor:
-    return points[:, :2].norm(dim=-1) - RADIUS
+    return cylinder_distance(points, RADIUS)
 
 
 def box(points: Tensor) -> Tensor:
-    beyond = points.abs() - HALF
-    return beyond.clamp_min(0).norm(dim=-1) + beyond.max(dim=-1).values.clamp_max(0)
+    return box_distance(points, HALF)
 
 
 def plane(points: Tensor) -> Tensor:

@@ -79,7 +79,7 @@ def test_tangent_frame_turns_about_the_normal_by_the_angle() -> None:
 
 
 def sphere(points: Tensor) -> Tensor:
-    return points.norm(dim=-1) - 0.4
+    return sphere_distance(points, 0.4)
 
 
 def plane(points: Tensor) -> Tensor:
@@ -88,7 +88,7 @@ def plane(points: Tensor) -> Tensor:
 
 
 def cylinder(points: Tensor) -> Tensor:
-    return points[:, :2].norm(dim=-1) - 0.4
+    return cylinder_distance(points, 0.4)
 
 
 @pytest.mark.parametrize("field", [sphere, plane])
