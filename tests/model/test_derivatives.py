@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import pytest
 import torch
+from analytic import cylinder_distance, sphere_distance
 from sine_networks import NETWORKS, network, plain, random_points, relative
 from torch import Tensor
 
