@@ -1,56 +1,15 @@
-"""The derivatives of a sine network that the losses use, and the same of any function by plain autograd, the oracle.
+"""Tangent frames and mixed second derivatives of scalar fields, by a stencil and by autograd, the oracle of the tests.
 
-Training takes them from `sine_pass`, which computes value and derivatives together; `trace` and `gradient` are for
-asking a fitted field.
+Training takes exact derivatives from `fused.evaluate`, which computes value and derivatives together.
 """
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable
 
 import torch
 from jaxtyping import Float
-from torch import Tensor, nn
-from torch.nn.functional import linear
-
-from jointsdf.model.layers import SineLayer
+from torch import Tensor
 
 ScalarField = Callable[[Float[Tensor, "n 3"]], Float[Tensor, " n"]]
-
-
-class Trace(NamedTuple):
-    """One pass through the sine layers, kept for the gradient.
-
-    Attributes:
-        sdf: f(x).
-        sines: h_i of each layer.
-        cosines: c_i of each layer; empty when no derivative was asked for.
-    """
-
-    sdf: Float[Tensor, " n"]
-    sines: list[Float[Tensor, "n w"]]
-    cosines: list[Float[Tensor, "n w"]]
-
-
-def trace(layers: Sequence[SineLayer], output: nn.Linear, points: Float[Tensor, "n 3"], *, with_cosines: bool) -> Trace:
-    """Evaluate f and keep what `gradient` needs."""
-    hidden = points
-    sines: list[Tensor] = []
-    cosines: list[Tensor] = []
-    for layer in layers:
-        argument = layer.omega * layer.linear(hidden)
-        if with_cosines:
-            cosines.append(torch.cos(argument))
-        hidden = torch.sin(argument)
-        sines.append(hidden)
-    return Trace(linear(hidden, output.weight, output.bias).squeeze(-1), sines, cosines)
-
-
-def gradient(layers: Sequence[SineLayer], output: nn.Linear, traced: Trace) -> Float[Tensor, "n 3"]:
-    """Gradient of f by explicit reverse, dimensionless in the frame of the points."""
-    adjoint = output.weight.expand_as(traced.sines[-1])
-    for layer, cosine in zip(reversed(layers), reversed(traced.cosines), strict=True):
-        adjoint = (layer.omega * cosine * adjoint) @ layer.linear.weight
-    return adjoint
 
 
 def tangent_frame(

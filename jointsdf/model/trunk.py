@@ -8,7 +8,6 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from jointsdf.errors import InputError, require_integer, require_number, require_one_of
-from jointsdf.model.derivatives import trace
 from jointsdf.model.layers import SineLayer, hidden_sine, sine_, start_uniform
 from jointsdf.values import BOX
 
@@ -69,8 +68,12 @@ class SirenTrunk(nn.Module):
 
     def forward(self, points: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, " n"], Float[Tensor, "n i"]]:
         """Signed distance and the head's input [f; x], network frame."""
-        traced = trace(self.sine_layers, self.output, points, with_cosines=False)
-        return traced.sdf, torch.cat([traced.sines[self.tap - 1], points], -1)
+        hidden = feature = points
+        for number, layer in enumerate(self.sine_layers, 1):
+            hidden = layer(hidden)
+            feature = hidden if number == self.tap else feature
+        sdf: Tensor = self.output(hidden).squeeze(-1)
+        return sdf, torch.cat([feature, points], -1)
 
     @torch.no_grad()
     def sdf(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:

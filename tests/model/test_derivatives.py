@@ -9,7 +9,8 @@ from analytic import cylinder_distance, sphere_distance
 from sine_networks import NETWORKS, network, plain, random_points, relative
 from torch import Tensor
 
-from jointsdf.model.derivatives import autograd_gradient, autograd_mixed, gradient, mixed_stencil, tangent_frame, trace
+from jointsdf.model.derivatives import autograd_gradient, autograd_mixed, mixed_stencil, tangent_frame
+from jointsdf.model.fused.evaluate import evaluate
 
 Field = Callable[[Tensor], Tensor]
 
@@ -33,21 +34,9 @@ def test_gradient_equals_finite_differences(sizes: tuple[int, int, float, float]
         return plain(trunk, at)[0]
 
     with torch.no_grad():
-        grad = gradient(
-            trunk.sine_layers, trunk.output, trace(trunk.sine_layers, trunk.output, points, with_cosines=True)
-        )
+        grad = evaluate(trunk.sine_layers, trunk.output, points, grad=True).grad
         differences = [central(value, points, axis.expand_as(points)) for axis in torch.eye(3, dtype=torch.float64)]
     assert relative(grad, torch.stack(differences, -1)) < 1e-6
-
-
-def test_values_without_derivatives_are_the_same_and_keep_no_cosines() -> None:
-    trunk, (points, _) = network(32, 5, 30.0, 30.0), random_points()
-    bare = trace(trunk.sine_layers, trunk.output, points, with_cosines=False)
-    full = trace(trunk.sine_layers, trunk.output, points, with_cosines=True)
-    assert bare.cosines == []
-    torch.testing.assert_close(bare.sdf, full.sdf, rtol=0, atol=0)
-    for sine, cosine in zip(full.sines, full.cosines, strict=True):
-        torch.testing.assert_close(sine**2 + cosine**2, torch.ones_like(sine), rtol=0, atol=1e-12)
 
 
 NORMALS = torch.tensor(

@@ -56,7 +56,7 @@ def value(net: Layers, record: Record) -> Float[Tensor, " n"]:
         record.cosines.append(cosine(argument))
         hidden = sine_(argument)
         record.sines.append(hidden)
-    return torch.addmv(net.offset, hidden, net.output[0])
+    return torch.addmv(net.offset.expand(len(hidden)), hidden, net.output[0])
 
 
 def gradient(net: Layers, record: Record) -> Float[Tensor, "n 3"]:

@@ -1,0 +1,329 @@
+"""The joint field: answers in file units, of the kind of the points; its file."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from conftest import BOX_PARTS
+
+from jointsdf.errors import InputError
+from jointsdf.model import field as module
+from jointsdf.model.field import JointField
+from jointsdf.model.heads import HEADS
+from jointsdf.model.query import OutsideBoxWarning
+from jointsdf.model.trunk import SirenTrunk
+from jointsdf.values import BOX, Normalisation
+
+BuildField = Callable[..., JointField]
+FULL_HEADS: dict[str, dict[str, object]] = {  # the sizes of the method
+    "relu": {"widths": [256, 128], "dropout": 0.2},
+    "siren": {"widths": [256, 128], "omega": 30.0},
+    "hybrid": {"widths": [256, 128], "omega": 30.0, "dropout": 0.2},
+    "deep_skip": {"widths": [256, 256, 256, 128], "omega": 30.0},
+}
+LAYERS = {  # (inputs, units) of every linear layer, the classifier apart
+    "relu": [(259, 256), (256, 128)],
+    "siren": [(259, 256), (256, 128)],
+    "hybrid": [(259, 256), (256, 128)],
+    "deep_skip": [(259, 256), (256, 256), (771, 256), (256, 128)],
+}
+ROOT6 = math.sqrt(6)
+KAIMING = {("relu", 0), ("relu", 1), ("hybrid", 1)}
+
+
+NORMALISATION = Normalisation(np.array([100.0, -20.0, 3.5]), 47.0)
+
+
+def file_points(count: int = 60) -> np.ndarray:
+    return NORMALISATION.inverse(np.random.default_rng(0).uniform(-1.05, 1.05, (count, 3)))
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_query_speaks_file_units_and_original_part_ids(small_field: BuildField, head: str) -> None:
+    field = small_field(head, normalisation=NORMALISATION).eval()
+    points = file_points()
+    answer = field.query(torch.from_numpy(points))
+    inside = torch.from_numpy(NORMALISATION.forward(points).astype(np.float32))
+    sdf, features = field.trunk(inside)
+    torch.testing.assert_close(answer.sdf, sdf * 47.0, rtol=1e-5, atol=1e-3)
+    torch.testing.assert_close(answer.logits, field.head(features), rtol=0, atol=1e-4)
+    if head == "none":
+        assert answer.logits.shape == (60, 0)
+        assert (answer.part == -1).all()
+    else:
+        assert answer.part.tolist() == [(3, 7, 12, 40)[k] for k in answer.logits.argmax(-1)]
+        assert len(set(answer.part.tolist())) > 1
+    np.testing.assert_array_equal(field.network_part(inside.numpy()), answer.part.numpy())
+    np.testing.assert_allclose(field.network_sdf(inside.numpy()) * 47.0, answer.sdf.numpy(), rtol=1e-5, atol=1e-3)
+
+
+def test_query_gradient_equals_finite_differences_in_file_units(small_field: BuildField) -> None:
+    field = small_field("siren", normalisation=NORMALISATION, omega=8.0).eval()
+    field.trunk.double()
+    field.head.double()
+    points, h = torch.from_numpy(file_points()), 1e-3
+    steps = [h * axis for axis in torch.eye(3, dtype=torch.float64)]
+    expected = [(field.query(points + s).sdf - field.query(points - s).sdf) / (2 * h) for s in steps]
+    torch.testing.assert_close(field.query(points).gradient, torch.stack(expected, -1), rtol=0, atol=1e-6)
+
+
+def test_query_far_from_the_origin_loses_nothing_to_float32(small_field: BuildField) -> None:
+    """Normalised in double precision: parts drawn kilometres from the origin keep their shape."""
+    near = small_field("siren", normalisation=Normalisation(np.zeros(3), 10.0)).eval()
+    far = small_field("siren", normalisation=Normalisation(np.full(3, 1e6), 10.0)).eval()
+    points = torch.rand(50, 3, dtype=torch.float64) * 20 - 10
+    torch.testing.assert_close(far.query(points + 1e6).sdf, near.query(points).sdf, rtol=0, atol=1e-4)
+
+
+def test_query_drops_nothing_in_training_mode_and_keeps_the_mode(small_field: BuildField) -> None:
+    field = small_field("relu").train()
+    points = torch.rand(50, 3) * 20
+    first, second = field.query(points), field.query(points)
+    torch.testing.assert_close(first.logits, second.logits, rtol=0, atol=0)
+    assert field.head.training
+
+
+@pytest.mark.parametrize("head", HEADS)
+@pytest.mark.parametrize("hidden_omega", [1.0, 30.0])
+def test_save_and_load_give_the_same_field(
+    small_field: BuildField, tmp_path: Path, head: str, hidden_omega: float
+) -> None:
+    field = small_field(head, normalisation=NORMALISATION, hidden_omega=hidden_omega).eval()
+    field.save(tmp_path / "field.ckpt")
+    torch.load(tmp_path / "field.ckpt", weights_only=True)
+    loaded = JointField.load(tmp_path / "field.ckpt")
+    points = torch.from_numpy(file_points())
+    for before, after in zip(field.query(points), loaded.query(points), strict=True):
+        torch.testing.assert_close(after, before, rtol=0, atol=0)
+    assert loaded.arguments == field.arguments
+    assert loaded.normalisation.scale == 47.0
+    np.testing.assert_array_equal(loaded.normalisation.centre, NORMALISATION.centre)
+    assert not loaded.training
+
+
+def test_loading_a_sphere_start_does_not_fit_the_sphere_again(
+    small_field: BuildField, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SirenTrunk, "_fit_to_sphere", lambda _: None)
+    field = small_field("siren", init="sphere")
+    field.save(tmp_path / "field.ckpt")
+    monkeypatch.setattr(SirenTrunk, "_fit_to_sphere", lambda _: pytest.fail("fitted"))
+    assert JointField.load(tmp_path / "field.ckpt").arguments["trunk"]["init"] == "sphere"
+
+
+@pytest.mark.parametrize("part_ids", [(5,), (0, 1), tuple(range(2, 82, 2))])
+def test_any_number_of_parts_survives_the_file(
+    small_field: BuildField, tmp_path: Path, part_ids: tuple[int, ...]
+) -> None:
+    field = small_field("hybrid", part_ids)
+    field.save(tmp_path / "field.ckpt")
+    answer = JointField.load(tmp_path / "field.ckpt").query(torch.rand(500, 3) * 30 - 10)
+    assert answer.logits.shape == (500, len(part_ids))
+    assert set(answer.part.tolist()) <= set(part_ids)
+
+
+def test_field_of_another_number_of_parts_is_an_input_error(small_field: BuildField, tmp_path: Path) -> None:
+    path = tmp_path / "field.ckpt"
+    small_field("siren", (1, 2, 3)).save(path)
+    stored = torch.load(path, weights_only=True)
+    stored["state"]["part_ids"] = torch.arange(5)
+    torch.save(stored, path)
+    with pytest.raises(InputError, match=r"field\.ckpt: not a readable field checkpoint"):
+        JointField.load(path)
+
+
+def test_damaged_files_are_input_errors_of_one_line(small_field: BuildField, tmp_path: Path) -> None:
+    path = tmp_path / "field.ckpt"
+    small_field("siren").save(path)
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    torch.save({"state": {"centre": 1.0}}, path)
+    no_tensor = path.read_bytes()
+    damaged = [whole[: int(share * len(whole))] for share in np.linspace(0, 0.999, 40)]
+    damaged += [rng.bytes(size) for size in (1, 2, 10, 100, 100, 1000)]
+    damaged += [no_tensor, b"\x80\x022.", b"\x80\x02]q\x00a.", b"a text file\n"]
+    for data in damaged:
+        path.write_bytes(data)
+        with pytest.raises(InputError, match=r"^[^\n]*field\.ckpt: not a readable[^\n]*$"):
+            JointField.load(path)
+
+
+def test_missing_file_is_an_input_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such field checkpoint"):
+        JointField.load(tmp_path / "field.ckpt")
+
+
+def test_unknown_head_is_an_input_error() -> None:
+    with pytest.raises(InputError, match=r"head=relux: accepted are relu, siren"):
+        JointField({}, {"name": "relux"}, np.arange(3), NORMALISATION)
+
+
+@pytest.mark.usefixtures("as_in_training")
+@pytest.mark.parametrize(
+    "head",
+    [
+        {"name": "siren", "widths": [256], "omega": 30.0},
+        {"name": "relu", "widths": [256, 128], "dropout": 1.5},
+        {"name": "hybrid", "widths": [256, 128], "omega": 30.0},
+        {"name": "deep_skip", "widths": [8, 8, 8, 8], "omega": 30.0, "dropout": 0.2},
+    ],
+    ids=lambda head: head["name"],
+)
+def test_wrong_head_arguments_are_input_errors(head: dict[str, object]) -> None:
+    with pytest.raises(InputError, match=r"^head[. ][^\n]*$"):
+        JointField({}, head, np.arange(3), NORMALISATION)
+
+
+def test_many_points_are_answered_in_chunks(small_field, monkeypatch: pytest.MonkeyPatch) -> None:
+    field = small_field()
+    points = torch.rand(50, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) * 20
+    whole = field.query(points)
+    monkeypatch.setattr(module, "CHUNK", 7)
+    for name, chunked in field.query(points)._asdict().items():
+        torch.testing.assert_close(chunked, getattr(whole, name), rtol=1e-5, atol=1e-6)
+
+
+KINDS: dict[str, Callable[[np.ndarray], object]] = {
+    "tensor": torch.from_numpy,
+    "array": np.asarray,
+    "lists": np.ndarray.tolist,
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_answers_are_of_the_kind_of_the_points(small_field: BuildField, kind: str) -> None:
+    field = small_field("siren", normalisation=NORMALISATION).eval()
+    points = file_points(5)
+    expected = field.query(torch.from_numpy(points))
+    given = KINDS[kind](points)
+    for name, answer in field.query(given)._asdict().items():
+        assert type(answer) is type(given), name
+        np.testing.assert_array_equal(np.asarray(answer), getattr(expected, name).numpy(), err_msg=name)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_point_is_answered_without_the_first_axis(small_field: BuildField, kind: str) -> None:
+    field = small_field("siren", normalisation=NORMALISATION).eval()
+    points = file_points(1)
+    answer, rows = field.query(KINDS[kind](points[0])), field.query(points)
+    assert [np.shape(column) for column in answer] == [(), (), (4,), (3,)]
+    for found, row in zip(answer, rows, strict=True):
+        np.testing.assert_array_equal(np.asarray(found), row[0])
+
+
+@pytest.mark.parametrize("empty", [[], np.zeros((0, 3)), torch.zeros(0, 3)], ids=["lists", "array", "tensor"])
+def test_no_points_have_no_answers(small_field: BuildField, empty: object) -> None:
+    assert [np.shape(column)[0] for column in small_field("siren").query(empty)] == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize("what", [("sdf",), "part", ("logits", "sdf"), ("gradient",), ("sdf", "part", "gradient")])
+def test_only_what_is_asked_is_answered_and_the_same(small_field: BuildField, what: str | tuple[str, ...]) -> None:
+    field = small_field("siren", normalisation=NORMALISATION).eval()
+    points = torch.from_numpy(file_points())
+    whole, some = field.query(points), field.query(points, what=what)
+    asked = {what} if isinstance(what, str) else set(what)
+    for name, answer in some._asdict().items():
+        if name in asked:
+            torch.testing.assert_close(answer, getattr(whole, name), rtol=1e-4, atol=1e-3)
+        else:
+            assert answer is None
+
+
+def test_a_distance_alone_runs_no_head_and_keeps_no_record(
+    small_field: BuildField, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    field = small_field("siren", normalisation=NORMALISATION).eval()
+    monkeypatch.setattr(field.head, "forward", lambda _: pytest.fail("the head was run"))
+    monkeypatch.setattr(module, "evaluate", lambda *_, **__: pytest.fail("a record was kept"))
+    assert field.query(file_points(), what="sdf").sdf.shape == (60,)
+
+
+def test_differentiable_answers_have_the_gradients_of_plain_autograd(small_field: BuildField) -> None:
+    """Of a loss on distance, gradient and logits: to the points, and to every parameter, against finite differences."""
+    field = small_field("siren", normalisation=NORMALISATION, omega=4.0, hidden_omega=4.0).double().eval()
+    points = torch.from_numpy(file_points(4)).requires_grad_()
+
+    def loss(at: torch.Tensor) -> torch.Tensor:
+        answer = field.query(at, differentiable=True)
+        return answer.sdf.sum() + answer.gradient.square().sum() + answer.logits.square().sum()
+
+    assert torch.autograd.gradcheck(loss, points, atol=1e-5)
+    total = loss(points)
+    total.backward()
+    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in field.parameters() if p is not None)
+    with torch.no_grad():
+        weight, h = field.trunk.sine_layers[0].linear.weight, 1e-6
+        slope = weight.grad[0, 0].item()
+        weight[0, 0] += h
+        up = loss(points.detach()).item()
+        weight[0, 0] -= 2 * h
+        down = loss(points.detach()).item()
+    assert (up - down) / (2 * h) == pytest.approx(slope, rel=1e-4, abs=1e-6)
+
+
+def test_differentiable_and_plain_answers_agree(small_field: BuildField) -> None:
+    field = small_field("hybrid", normalisation=NORMALISATION).eval()
+    points = torch.from_numpy(file_points())
+    for plain, kept in zip(field.query(points), field.query(points, differentiable=True), strict=True):
+        torch.testing.assert_close(kept, plain, rtol=1e-4, atol=1e-4)
+        assert not plain.requires_grad
+
+
+def test_outside_the_box_it_warns_once_and_answers_no_part(small_field: BuildField) -> None:
+    field = small_field("siren", normalisation=NORMALISATION).eval()
+    points = NORMALISATION.inverse(np.array([[0.0, 0, 0], [1.2, 0, 0], [0, 0, -5.0]]))
+    with pytest.warns(OutsideBoxWarning, match="outside the training box") as caught:
+        answer = field.query(points)
+    assert len(caught) == 1
+    assert answer.part[0] in BOX_PARTS
+    assert answer.part[1:].tolist() == [-1, -1]
+    assert np.isfinite(answer.sdf).all()
+    assert field.query(points).part[1:].tolist() == [-1, -1]  # a second warning would be an error here
+    edge = NORMALISATION.inverse(np.array([[BOX, -BOX, BOX]]))
+    assert field.query(edge).part[0] in BOX_PARTS
+
+
+@pytest.mark.usefixtures("as_in_training")
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (np.zeros((4, 2)), r"points of shape \(4, 2\): give \(n, 3\), or \(3,\) for one point"),
+        (np.zeros((2, 2, 3)), r"points of shape \(2, 2, 3\)"),
+        ([1.0, 2.0], r"points of shape \(2,\)"),
+        ([[0.0, 0.0, 0.0], [0.0, float("nan"), 1.0]], r"points: row 1 is \[0\.0, nan, 1\.0\]; give finite coordinates"),
+        (torch.tensor([[0.0, float("inf"), 0.0]]), "points: row 0 is"),
+        ([[1.0, 2.0, 3.0], [4.0]], "points: .*give numbers in shape"),
+        ("a point", "points: .*give numbers in shape"),
+        (np.zeros((1, 3), dtype=complex), "points of type .*give real numbers"),
+        (np.zeros((1, 3), dtype=bool), "points of type .*give real numbers"),
+        (None, "points"),
+    ],
+    ids=str,
+)
+def test_points_that_are_none_are_one_line(small_field: BuildField, points: object, message: str) -> None:
+    with pytest.raises(InputError, match=f"^{message}[^\n]*$"):
+        small_field("siren").query(points)
+
+
+def test_unknown_answers_are_one_line(small_field: BuildField) -> None:
+    with pytest.raises(InputError, match=r"^what=normal: give some of sdf, part, logits, gradient$"):
+        small_field().query([[0.0, 0, 0]], what=("sdf", "normal"))
+    with pytest.raises(InputError, match=r"^what=nothing"):
+        small_field().query([[0.0, 0, 0]], what=())
+    with pytest.raises(InputError, match=r"^differentiable=True: give the points as a tensor"):
+        small_field().query([[0.0, 0, 0]], differentiable=True)
+
+
+def test_whole_numbers_are_points(small_field: BuildField) -> None:
+    field = small_field("siren").eval()
+    exact = field.query(np.array([[5.0, -3.0, 11.0]]))
+    for given in (np.array([[5, -3, 11]]), [[5, -3, 11]], torch.tensor([[5, -3, 11]])):
+        np.testing.assert_array_equal(np.asarray(field.query(given).sdf), exact.sdf)
+
+
+def test_load_takes_a_string(small_field: BuildField, tmp_path: Path) -> None:
+    small_field().save(tmp_path / "field.ckpt")
+    assert isinstance(JointField.load(str(tmp_path / "field.ckpt")), JointField)
