@@ -1,1 +1,130 @@
-"""The console command."""
+"""The console command `jointsdf` (Click), and what `train.py` and `evaluate.py` do."""
+
+import logging
+import sys
+import warnings
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+import click
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
+
+import jointsdf
+from jointsdf.cli_logging import quiet_libraries, user_errors
+from jointsdf.errors import InputError
+from jointsdf.experiment import help as help_text
+from jointsdf.experiment import sweep
+from jointsdf.phases import phase
+
+log = logging.getLogger("jointsdf")
+failed: list[str] = []  # errors of this command that the user can mend
+ANY_WORDS = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
+
+
+@hydra.main(config_path="conf", config_name="config", version_base="1.3")
+def train(cfg: DictConfig) -> float | None:
+    """One run; a sweeper sees the primary protocol's cd_l1."""
+    with user_errors(failed):
+        quiet_libraries()
+        with phase("start", "torch and lightning"):  # only after Hydra has accepted the command line
+            from jointsdf.experiment.run import run
+        quiet_libraries()
+        if HydraConfig.get().mode is RunMode.MULTIRUN:
+            return sweep.run_one(cfg)
+        return run(cfg).scores[cfg.evaluation.primary]["cd_l1"]
+    return None
+
+
+@hydra.main(config_path="conf", config_name="evaluate", version_base="1.3")
+def measure_run(cfg: DictConfig) -> None:
+    """Print every score as measured now, and as stored where it differs."""
+    with user_errors(failed):
+        quiet_libraries()
+        with phase("start", "torch and lightning"):
+            from jointsdf.experiment.run import measure_again
+        quiet_libraries()  # those that came with it as well
+        if OmegaConf.is_missing(cfg, "run"):
+            raise InputError("run= is missing; give a finished run's folder: run=outputs/fast/base/siren/part_01/seed0")
+        row, scores = measure_again(Path(str(cfg.run)))
+        differing = 0
+        for protocol, values in scores.items():
+            for name, value in values.items():
+                stored = row.scores.get(protocol, {}).get(name, float("nan"))
+                same = stored == value or (stored != stored and value != value)
+                differing += not same
+                log.info("%-8s %-22s %12.6f%s", protocol, name, value, "" if same else f"   stored {stored:.6f}")
+        log.info("%s: %s", cfg.run, f"{differing} scores differ" if differing else "every score as stored")
+
+
+def fit() -> int:
+    """`train.py`: one run, or a sweep; its arguments are those of the process.
+
+    Returns:
+        Exit code: 2 for what the user can mend, 1 for a sweep that is not finished.
+    """
+    if _asks_for_help():
+        click.echo(help_text.of_fit(sys.argv[0]))
+        return 0
+    failed.clear()
+    warnings.filterwarnings("ignore", r"\s*'hydra/launcher/ray' is validated")  # by the plugin's schema: as it should
+    unfinished = 0
+    try:
+        with user_errors(failed):  # an engine that waits for other processes can be stopped, too
+            train()
+            sweep.wait_for_postponed()
+    finally:
+        unfinished = sweep.sum_up()
+    return 2 if failed else min(unfinished, 1)
+
+
+def evaluate() -> int:
+    """`evaluate.py`: measure a finished run again; the exit code is 2 for what the user can mend."""
+    if _asks_for_help():
+        click.echo(help_text.of_evaluate(sys.argv[0]))
+        return 0
+    failed.clear()
+    measure_run()
+    return 2 if failed else 0
+
+
+def _asks_for_help() -> bool:
+    return bool({"--help", "-h"} & set(sys.argv[1:]))
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(jointsdf.__version__, prog_name="jointsdf")
+def main() -> None:
+    """Neural signed distance fields that know their parts.
+
+    \b
+    jointsdf fit head=siren shape=abc_0001     fit, extract and measure one shape
+    jointsdf fit -m head=relu,siren,hybrid     several runs
+    jointsdf COMMAND --help                    all that a command takes
+    """
+
+
+def _command(name: str, help_line: str, run: Callable[[], int]) -> None:
+    """Add a command that reads its own words."""
+
+    @main.command(name, context_settings=ANY_WORDS, short_help=help_line, add_help_option=False)
+    @click.argument("words", nargs=-1, type=click.UNPROCESSED)
+    def command(words: tuple[str, ...]) -> None:
+        sys.argv = [f"jointsdf {name}", *words]
+        sys.exit(run())
+
+
+def _main_of(module: str) -> Callable[[], int]:
+    """The `main` of a module, imported when it is asked for."""
+    return lambda: int(import_module(module).main() or 0)
+
+
+_command("fit", "Fit a shape, extract and measure it (train.py).", fit)
+_command("evaluate", "Measure a finished run again (evaluate.py).", evaluate)
+_command("study", "Tables, status and committed rows of a study.", _main_of("jointsdf.study.__main__"))
+_command("figures", "Figures of the runs.", _main_of("jointsdf.study.figures.__main__"))
+_command("abc", "Download and convert the catalogue's ABC shapes.", _main_of("jointsdf.abc_dataset.command"))
+_command("labels", "Import and check part labels.", _main_of("jointsdf.shapes.labels.__main__"))

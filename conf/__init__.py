@@ -1,0 +1,1 @@
+"""The yaml files of a run: `jointsdf.conf` of the installed package."""

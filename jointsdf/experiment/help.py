@@ -1,0 +1,80 @@
+"""The help of `train.py` and `evaluate.py` in one screen, from the yaml files and their comments. Imports no torch."""
+
+import re
+import textwrap
+from collections.abc import Iterator, Mapping
+from importlib import resources
+
+CONF = resources.files("jointsdf").joinpath("conf")
+GROUPS = ("recipe", "head", "loss", "optimizer", "trunk", "data", "extraction", "evaluation", "trainer", "sweeps")
+KEY = re.compile(r"^(?P<key> *[\w.]+): *(?P<value>[^#]*?) *(?:# *(?P<comment>.*))?$")
+HIDDEN = ("defaults", "hydra")
+DEFAULT = re.compile(r"^  - (\w+): (\w+)$", re.MULTILINE)  # of the defaults list
+WIDTH, COLUMN = 120, 32
+
+
+def of_fit(program: str) -> str:
+    """What a run takes: values with their comments, groups with their choices, and where all the rest is listed."""
+    config = CONF.joinpath("config.yaml").read_text(encoding="utf-8")
+    defaults = dict(DEFAULT.findall(config))
+    lines = [
+        f"Usage: {program} [key=value ...]              one run: fit, extract and measure a shape",
+        f"       {program} -m head=relu,siren [...]     every combination of the values",
+        f"       {program} sweeps=main [...]            a stored study",
+        "",
+        "Values:",
+        *_values(config),
+        "",
+        "Groups (* is the default); a key of one: group.key=value, e.g. trainer.max_steps=800 extraction.resolution=384",
+        *(_wrapped(f"  {group:<12} ", " | ".join(_choices(group, defaults))) for group in GROUPS),
+        "",
+        f"{program} --cfg job [key=value ...] prints every key and value; a group's file says what each means.",
+        f"{program} --hydra-help: Hydra's own options, among them shell completion.",
+    ]
+    return "\n".join(lines)
+
+
+def of_evaluate(program: str) -> str:
+    """What measuring a run again takes."""
+    run = next(_values(CONF.joinpath("evaluate.yaml").read_text(encoding="utf-8")))
+    example = "outputs/fast/base/siren/part_01/seed0"
+    return "\n".join(
+        [
+            f"Usage: {program} run=FOLDER",
+            "",
+            "Extracts and measures a finished run again from its field, and compares with its stored scores.",
+            "",
+            run,
+            "",
+            f"e.g. {program} run={example}",
+        ]
+    )
+
+
+def _values(text: str) -> Iterator[str]:
+    """The keys of a yaml file with value and comment; nested ones by their dotted names."""
+    section, hidden = "", False
+    for line in text.splitlines():
+        found = KEY.match(line)
+        if found is None:
+            continue
+        key, value, comment = found["key"], found["value"], found["comment"] or ""
+        if not key.startswith(" "):
+            section, hidden = key, key in HIDDEN
+        if hidden or not value:
+            continue
+        name = key if not key.startswith(" ") else f"{section}.{key.strip()}"
+        yield _wrapped(f"  {f'{name}={value}':<{COLUMN}} ", comment)
+
+
+def _choices(group: str, defaults: Mapping[str, str]) -> list[str]:
+    """The files of a group, the default one with a star."""
+    files = (path.name for path in CONF.joinpath(group).iterdir())
+    names = sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml"))
+    return [f"{name}*" if name == defaults.get(group) else name for name in names]
+
+
+def _wrapped(start: str, text: str) -> str:
+    """A line with hanging indent."""
+    hanging = " " * len(start)
+    return textwrap.fill(text, WIDTH, initial_indent=start, subsequent_indent=hanging, break_long_words=False) or start
