@@ -98,7 +98,7 @@ def _asks_for_help() -> bool:
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(jointsdf.__version__, prog_name="jointsdf")
 def main() -> None:
-    """Neural signed distance fields that know their parts.
+    r"""Neural signed distance fields that know their parts.
 
     \b
     jointsdf fit head=siren shape=abc_0001     fit, extract and measure one shape

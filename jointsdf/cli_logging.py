@@ -1,4 +1,4 @@
-"""What a user sees on the terminal: facts, warnings and errors, a line each, told apart at a glance."""
+"""Log lines of the command line: facts, warnings and errors, one line each, told apart at a glance."""
 
 import errno
 import logging
@@ -27,19 +27,39 @@ class Lines(logging.Handler):
         console.print(Text(f"warning: {message}" if warns else message, style), soft_wrap=True)
 
 
+LIGHTNING = ("lightning.pytorch", "lightning.fabric", "lightning")
+OTHERS = ("hydra", "hydra_plugins", "trimesh", "matplotlib", "PIL", "py.warnings", "tensorboard")
+
+
 def quiet_libraries() -> None:
-    """Log our own lines plainly, and of the libraries' only the errors."""
+    """Log our own lines plainly, and of the libraries' only the errors, from here on: for a command."""
     logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[Lines()])
     logging.captureWarnings(True)
-    for name in ("lightning.pytorch", "lightning.fabric", "lightning"):
+    for name in LIGHTNING:
         library = logging.getLogger(name)
         library.handlers.clear()
         library.propagate = True
-        library.setLevel(logging.ERROR)
-    for unasked in ("hydra", "hydra_plugins", "trimesh", "matplotlib", "PIL", "py.warnings", "tensorboard"):
-        logging.getLogger(unasked).setLevel(logging.ERROR)
+    for name in (*LIGHTNING, *OTHERS):
+        logging.getLogger(name).setLevel(logging.ERROR)
     logging.getLogger("jointsdf.extraction.extractor").setLevel(logging.WARNING)  # it speaks for every preview
     warnings.filterwarnings("ignore", module="lightning")
+
+
+@contextmanager
+def library_logs_quiet() -> Iterator[None]:
+    """Within the block the libraries log only their errors, and Lightning warns of nothing: for a function."""
+    before = {logger: logger.level for logger in map(logging.getLogger, (*LIGHTNING, *OTHERS))}
+    extractor = logging.getLogger("jointsdf.extraction.extractor")  # it speaks for every preview
+    before[extractor] = extractor.level
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="lightning")
+        for logger in before:
+            logger.setLevel(logging.WARNING if logger is extractor else logging.ERROR)
+        try:
+            yield
+        finally:
+            for logger, level in before.items():
+                logger.setLevel(level)
 
 
 @contextmanager
@@ -65,7 +85,7 @@ def user_errors(failed: list[str]) -> Iterator[None]:
 
 
 def one_line(error: BaseException) -> str | None:
-    """What to tell the user of this error; None if there is nothing that they can mend."""
+    """One-line message of an error that the user can mend; None for a bug."""
     cause: BaseException | None = error
     while cause is not None and not isinstance(cause, InputError | OSError | MemoryError):
         cause = cause.__cause__  # libraries wrap what a component raises

@@ -1,6 +1,6 @@
-"""What a run is doing: each phase is named as it begins, with a bar on a terminal and a line now and then elsewhere.
+"""Progress of a run: each phase is named as it begins, with a bar on a terminal and a line every half minute elsewhere.
 
-Whatever works within a phase may `tell` how far it is; nothing of it is needed for the work. Imports no torch.
+Code within a phase may `tell` how far it is; the work does not depend on it. Imports no torch.
 """
 
 import logging
@@ -58,6 +58,7 @@ class Phase:
 @dataclass
 class _State:
     run: str = ""  # names the run, where there are several
+    silent: bool = False
     now: Phase | None = None
 
 
@@ -75,6 +76,16 @@ def run_named(name: str) -> Iterator[None]:
 
 
 @contextmanager
+def no_progress() -> Iterator[None]:
+    """Within the block phases show neither a bar nor a line of progress."""
+    before, _state.silent = _state.silent, True
+    try:
+        yield
+    finally:
+        _state.silent = before
+
+
+@contextmanager
 def phase(name: str, what: str = "") -> Iterator[None]:
     """Name what begins, and show how far it is until the block ends.
 
@@ -87,7 +98,9 @@ def phase(name: str, what: str = "") -> Iterator[None]:
     ended = threading.Event()
     _state.now = now
     try:
-        if console.is_terminal:
+        if _state.silent:
+            yield
+        elif console.is_terminal:
             with _bar(now):
                 yield
         else:

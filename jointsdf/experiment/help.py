@@ -25,7 +25,7 @@ def of_fit(program: str) -> str:
         "Values:",
         *_values(config),
         "",
-        "Groups (* is the default); a key of one: group.key=value, e.g. trainer.max_steps=800 extraction.resolution=384",
+        "Groups (* default, unless the recipe chooses another); a key of one, e.g. trainer.max_steps=800:",
         *(_wrapped(f"  {group:<12} ", " | ".join(_choices(group, defaults))) for group in GROUPS),
         "",
         f"{program} --cfg job [key=value ...] prints every key and value; a group's file says what each means.",

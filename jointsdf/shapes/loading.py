@@ -121,10 +121,20 @@ def load(
     else:
         near = sorted(shape_names(), key=lambda name: -SequenceMatcher(None, name, shape).ratio())[:4]
         raise InputError(f"unknown shape {shape!r}: near names are {', '.join(near)}; or give the path of a mesh file")
-    if segmented and len(loaded.mesh.part_ids) < 2:
-        found = "no part labels" if len(loaded.mesh.part_ids) == 0 else "only one part"
-        raise InputError(f"{loaded.name} has {found}: give labels=<file.npy>, or head=none to fit it without parts")
+    if segmented:
+        require_parts(loaded)
     return loaded
+
+
+def require_parts(shape: Shape) -> None:
+    """Refuse a shape that a segmentation has nothing to learn from.
+
+    Raises:
+        InputError: It has fewer than two labelled parts.
+    """
+    if len(shape.mesh.part_ids) < 2:
+        found = "no part labels" if len(shape.mesh.part_ids) == 0 else "only one part"
+        raise InputError(f"{shape.name} has {found}: give labels=<file.npy>, or head=none to fit it without parts")
 
 
 def _built(name: str, request: LabelRequest) -> Shape:

@@ -28,11 +28,11 @@ def write_mesh(folder: Path, mesh: LabelledMesh) -> None:
         folder: Where; made if it does not exist.
         mesh: File frame; labels below 2^31.
     """
-    write_atomically(folder / "mesh.ply", _ply(mesh))
+    write_atomically(folder / "mesh.ply", ply_bytes(mesh))
     if mesh.is_empty:
         (folder / "mesh.glb").unlink(missing_ok=True)
     else:
-        write_atomically(folder / "mesh.glb", _glb(mesh))
+        write_atomically(folder / "mesh.glb", glb_bytes(mesh))
     labels = io.BytesIO()
     np.save(labels, mesh.labels.astype(np.int64), allow_pickle=False)
     write_atomically(folder / "labels.npy", labels.getvalue())
@@ -75,7 +75,8 @@ def _corners(mesh: LabelledMesh) -> Int[ndarray, " c"]:
     return np.repeat(mesh.labels - UNLABELLED, 3) * len(mesh.vertices) + mesh.faces.reshape(-1)
 
 
-def _ply(mesh: LabelledMesh) -> bytes:
+def ply_bytes(mesh: LabelledMesh) -> bytes:
+    """The content of `mesh.ply`."""
     red, green, blue = part_colours(mesh.labels).T
     opaque = np.full(len(mesh.faces), 255, dtype=np.uint8)
     labels = mesh.labels.astype("<i4")
@@ -85,7 +86,8 @@ def _ply(mesh: LabelledMesh) -> bytes:
     return binary_ply(mesh.vertices.astype("<f8"), mesh.faces, columns, comment)
 
 
-def _glb(mesh: LabelledMesh) -> bytes:
+def glb_bytes(mesh: LabelledMesh) -> bytes:
+    """The content of `mesh.glb`; the mesh must have faces."""
     scene = trimesh.Scene()
     for part in np.unique(mesh.labels).tolist():
         vertices, faces = np.unique(mesh.faces[mesh.labels == part], return_inverse=True)

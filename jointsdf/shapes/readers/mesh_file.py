@@ -54,15 +54,29 @@ def read(path: Path) -> FileMesh:
     vertices, faces, declared = _parse(path, data)
     if declared is not None and declared > len(faces):
         raise InputError(f"{path} is truncated: it announces {declared} faces and holds {len(faces)}; export it again")
-    if len(faces) == 0:
-        raise InputError(f"{path} has no faces: a triangle mesh is needed, not points or curves")
-    if not np.isfinite(vertices).all():
-        bad = int((~np.isfinite(vertices).all(axis=1)).sum())
-        raise InputError(f"{path} has NaN or infinite coordinates in {bad} vertices: repair or export it again")
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise InputError(f"{path} has a face that uses a vertex out of range 0..{len(vertices) - 1}: export it again")
+    check_mesh(str(path), vertices, faces)
     has_polygons = declared is not None and declared < len(faces)
     return FileMesh(vertices, faces, has_polygons, hashlib.sha256(data).hexdigest())
+
+
+def check_mesh(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> None:
+    """Refuse a mesh without faces, with a coordinate that is not finite, or with a vertex index out of range.
+
+    Args:
+        source: What messages call the mesh.
+        vertices: Positions.
+        faces: Vertex indices.
+
+    Raises:
+        InputError: It is one of these.
+    """
+    if len(faces) == 0:
+        raise InputError(f"{source} has no faces: a triangle mesh is needed, not points or curves")
+    if not np.isfinite(vertices).all():
+        bad = int((~np.isfinite(vertices).all(axis=1)).sum())
+        raise InputError(f"{source} has NaN or infinite coordinates in {bad} vertices: repair or export it again")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise InputError(f"{source} has a face that uses a vertex out of range 0..{len(vertices) - 1}: export it again")
 
 
 def read_labelled_ply(path: Path) -> tuple[FileMesh, Int[ndarray, " f"], bool]:
