@@ -24,8 +24,9 @@ from omegaconf.errors import OmegaConfBaseException
 
 from jointsdf import shapes
 from jointsdf.cli_logging import Lines, library_logs_quiet
-from jointsdf.errors import InputError, first_line
+from jointsdf.errors import InputError, first_line, require_one_of
 from jointsdf.experiment import build
+from jointsdf.experiment.help import choices
 from jointsdf.experiment.run import Outcome, Stopwatch, fit_shape, process_settings
 from jointsdf.model.field import JointField
 from jointsdf.phases import no_progress
@@ -182,7 +183,7 @@ def fit(
             shapes.require_parts(truth)
         stack.enter_context(process_settings())
         stack.enter_context(large_pieces())
-        outcome = _fitted(cfg, truth, folder)
+        outcome = _fitted(cfg, truth, folder, keep_files=out is not None)
         field, mesh = _results(outcome, folder)
     scores = outcome.row.scores[cfg.evaluation.primary]
     return FittedRun(field, mesh, scores, outcome.row, None if out is None else folder)
@@ -199,6 +200,8 @@ def load_field(path: str | Path) -> JointField:
 
 
 def _composed(recipe: str, head: str, seed: int, overrides: Sequence[str]) -> DictConfig:
+    require_one_of("recipe", recipe, choices("recipe"))
+    require_one_of("head", head, choices("head"))
     words = [f"recipe={recipe}", f"head={head}", f"seed={seed}", *overrides]
     try:
         with initialize_config_module("jointsdf.conf", version_base="1.3"):
@@ -207,9 +210,9 @@ def _composed(recipe: str, head: str, seed: int, overrides: Sequence[str]) -> Di
         raise InputError(f"{' '.join(words)}: {first_line(error)}") from error
 
 
-def _fitted(cfg: DictConfig, shape: Shape, folder: Path) -> Outcome:
+def _fitted(cfg: DictConfig, shape: Shape, folder: Path, *, keep_files: bool) -> Outcome:
     try:
-        return fit_shape(cfg, shape, folder, Stopwatch())
+        return fit_shape(cfg, shape, folder, Stopwatch(), keep_files=keep_files)
     except SystemExit as stop:  # a signal came during the fit
         if stop.code == 128 + signal.SIGINT:
             raise KeyboardInterrupt from None

@@ -128,3 +128,7 @@ _command("study", "Tables, status and committed rows of a study.", _main_of("joi
 _command("figures", "Figures of the runs.", _main_of("jointsdf.study.figures.__main__"))
 _command("abc", "Download and convert the catalogue's ABC shapes.", _main_of("jointsdf.abc_dataset.command"))
 _command("labels", "Import and check part labels.", _main_of("jointsdf.shapes.labels.__main__"))
+
+
+if __name__ == "__main__":
+    main()

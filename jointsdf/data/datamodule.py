@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+import torch
 from lightning import LightningDataModule
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
@@ -49,5 +50,6 @@ class ShapeDataModule(LightningDataModule):
             StepStream(self.sampler, start),
             batch_size=None,
             num_workers=self.workers,
+            generator=torch.Generator(),  # of a seed for the workers, which draw nothing by it; not the process's own
             persistent_workers=self.workers > 0,
         )

@@ -198,9 +198,11 @@ def counts(cfg: DictConfig) -> Counts:
 def sample_settings(cfg: DictConfig) -> SampleSettings:
     """Sizes of cloud and pool; no pool where no term uses it."""
     settings = {key: value for key, value in _resolved(cfg.data).items() if key not in ("counts", "workers")}
-    found = SampleSettings(**settings)
-    unused = cfg.loss.weights.get("signed_distance", 0) == 0
-    return SampleSettings(**settings | {"pool_size": 0}) if unused else found
+    if cfg.loss.weights.get("signed_distance", 0) == 0:
+        settings["pool_size"] = 0
+    else:
+        require_integer("data.pool_size", cfg.data.pool_size, 1)  # a mean over no points is not finite
+    return SampleSettings(**settings)
 
 
 def cloud_of(cfg: DictConfig, shape: Shape) -> Cloud:

@@ -26,7 +26,7 @@ def of_fit(program: str) -> str:
         *_values(config),
         "",
         "Groups (* default, unless the recipe chooses another); a key of one, e.g. trainer.max_steps=800:",
-        *(_wrapped(f"  {group:<12} ", " | ".join(_choices(group, defaults))) for group in GROUPS),
+        *(_wrapped(f"  {group:<12} ", " | ".join(_starred(group, defaults))) for group in GROUPS),
         "",
         f"{program} --cfg job [key=value ...] prints every key and value; a group's file says what each means.",
         f"{program} --hydra-help: Hydra's own options, among them shell completion.",
@@ -67,11 +67,14 @@ def _values(text: str) -> Iterator[str]:
         yield _wrapped(f"  {f'{name}={value}':<{COLUMN}} ", comment)
 
 
-def _choices(group: str, defaults: Mapping[str, str]) -> list[str]:
-    """The files of a group, the default one with a star."""
+def choices(group: str) -> list[str]:
+    """The names of a config group's files."""
     files = (path.name for path in CONF.joinpath(group).iterdir())
-    names = sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml"))
-    return [f"{name}*" if name == defaults.get(group) else name for name in names]
+    return sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml"))
+
+
+def _starred(group: str, defaults: Mapping[str, str]) -> list[str]:
+    return [f"{name}*" if name == defaults.get(group) else name for name in choices(group)]
 
 
 def _wrapped(start: str, text: str) -> str:

@@ -104,7 +104,9 @@ def process_settings() -> Iterator[None]:
         yield
 
 
-def fit_shape(cfg: DictConfig, shape: Shape, folder: Path, watch: Stopwatch, *, wait: bool = True) -> Outcome:
+def fit_shape(
+    cfg: DictConfig, shape: Shape, folder: Path, watch: Stopwatch, *, wait: bool = True, keep_files: bool = True
+) -> Outcome:
     """All of `run` after the shape is loaded, within `large_pieces`.
 
     Args:
@@ -113,6 +115,7 @@ def fit_shape(cfg: DictConfig, shape: Shape, folder: Path, watch: Stopwatch, *, 
         folder: The run folder.
         watch: Times the stages.
         wait: As for `run`.
+        keep_files: Whether the folder is kept, so that mesh and pictures are written.
 
     Raises:
         Busy: As for `run`.
@@ -136,20 +139,23 @@ def fit_shape(cfg: DictConfig, shape: Shape, folder: Path, watch: Stopwatch, *, 
             return Outcome(row)  # the process that was waited for made it
         status.begin(folder)
         run_folder.claim(folder, settings, fingerprint, resume=cfg.resume, force=cfg.force)
-        log.info("%s", folder)
+        if keep_files:
+            log.info("%s", folder)
         preview = build.preview(cfg, shape, measures)
         with phase("fit", f"{cfg.trainer.max_steps} steps, recipe {cfg.recipe}, head {cfg.head.name}"):
             watch.seconds["fit"], machine = fit(module, data, folder, build.fit_machine(cfg), preview=preview)
         save_field(module.field, folder / run_folder.FIELD)
         with watch("extract", SURFACE):
             measures, mesh = extract(module.field, measures, refine=cfg.extraction.resolution == "auto")
-            write_mesh(folder, mesh)
+            if keep_files:
+                write_mesh(folder, mesh)
         with watch("evaluate", AGAINST_TRUTH):
             cache_dir = Path(cfg.paths.outputs, CACHE_DIR)
             scores = measure(measures, shape, mesh, cloud.normalisation, cache_dir)
         resolution = measures.extraction.resolution
-        with watch("picture", "preview.png and TensorBoard"):
-            show(cfg, folder, shape, mesh, module.field, scores[cfg.evaluation.primary], resolution)
+        if keep_files:
+            with watch("picture", "preview.png and TensorBoard"):
+                show(cfg, folder, shape, mesh, module.field, scores[cfg.evaluation.primary], resolution)
         facts = provenance(
             code,
             config_hash=config_hash(fingerprint),
@@ -165,7 +171,7 @@ def fit_shape(cfg: DictConfig, shape: Shape, folder: Path, watch: Stopwatch, *, 
         write_row(folder, row)
         (folder / run_folder.CHECKPOINT).unlink(missing_ok=True)
         status.end(folder)
-    _log_outcome(cfg, row, folder, measures, shape, mesh)
+    _log_outcome(cfg, row, folder if keep_files else None, measures, shape, mesh)
     return Outcome(row, module.field, mesh)
 
 
@@ -176,12 +182,12 @@ def _log_report(report: MeshReport, resolution: int, scale: float) -> None:
 
 
 def _log_outcome(
-    cfg: DictConfig, row: ResultRow, folder: Path, measures: build.Measures, shape: Shape, mesh: LabelledMesh
+    cfg: DictConfig, row: ResultRow, folder: Path | None, measures: build.Measures, shape: Shape, mesh: LabelledMesh
 ) -> None:
     log.info(summary(row, cfg.evaluation.primary, folder))
     if said := in_words(row, measures.protocols, shape.mesh, mesh):
         log.info(said)
-    if not mesh.is_empty:
+    if folder and not mesh.is_empty:
         log.info(files_to_open(folder))
 
 

@@ -12,17 +12,17 @@ from jointsdf.values import LabelledMesh
 QUOTED = {"surface_p99", "parts_pred", "parts_gt", "components", "components_gt"}
 
 
-def summary(row: ResultRow, protocol: str, folder: Path) -> str:
+def summary(row: ResultRow, protocol: str, folder: Path | None) -> str:
     """The run in one line."""
     scores = row.scores[protocol]
     if row.status == "empty_mesh":
-        return f"{row.shape} {row.head}: empty_mesh (the field has no surface in the box), {folder}"
+        return f"{row.shape} {row.head}: empty_mesh (the field has no surface in the box), {folder or 'not kept'}"
     return (
         f"{row.shape} {row.head}: cd_l1 {scores['cd_l1']:.4f} (floor {scores['cd_l1_floor']:.4f})  "
         f"nc {scores['nc']:.4f}  "
         f"miou {scores['miou']:.4f} (floor {scores['miou_floor']:.4f})  miou_exact {scores['miou_exact']:.4f} "
         f"(ceiling {scores['miou_exact_ceiling']:.4f})  components {scores['components']:.0f}  "
-        f"fit {row.seconds['fit']:.0f} s, total {row.seconds['total']:.0f} s  {folder}"
+        f"fit {row.seconds['fit']:.0f} s, total {row.seconds['total']:.0f} s" + (f"  {folder}" if folder else "")
     )
 
 

@@ -20,7 +20,8 @@ from omegaconf import OmegaConf
 
 from jointsdf.experiment import build, sweep
 from jointsdf.model.heads.relu import ReluHead
-from jointsdf.runs import status as run_state
+from jointsdf.runs import status
+from jointsdf.runs.lock import Busy, lock
 from jointsdf.runs.row import config_hash
 from jointsdf.study.__main__ import main as study
 from jointsdf.training.module import JointSDFModule
@@ -104,7 +105,7 @@ def test_a_stored_sweep_makes_the_runs_that_it_says(tmp_path, composed, name) ->
     for cfg in composed:
         build.check_config(cfg)
     wanted = [build.folder_of(cfg) for cfg in composed]
-    assert run_state.planned(tmp_path / name) == wanted
+    assert status.planned(tmp_path / name) == wanted
     assert len(set(wanted)) == count, "every run has a folder of its own"
 
 
@@ -301,9 +302,9 @@ def test_committed_rows_count_as_finished_in_any_clone(tmp_path, monkeypatch, sc
 
 def test_two_deaths_at_the_same_step_are_a_failure_and_the_next_start_tries_again(tmp_path) -> None:
     folder = tmp_path / PLACE
-    with run_state.lock(folder, wait=False):
-        run_state.begin(folder)
-        run_state.begin(folder)  # as a second process does after the first was killed
+    with lock(folder, wait=False):
+        status.begin(folder)
+        status.begin(folder)  # as a second process does after the first was killed
     answer = train(tmp_path, *TWO)
     assert answer.code == 1
     assert f"failed: {folder}: its process was killed twice at step 0: is memory short?" in answer.text
@@ -323,10 +324,11 @@ def test_an_engine_that_is_not_installed_is_one_line(tmp_path, engine, monkeypat
 HOLD = """
 import sys, time
 from pathlib import Path
-from jointsdf.runs import status as run_state
-with run_state.lock(Path(sys.argv[1]), wait=False):
-    run_state.begin(Path(sys.argv[1]))
-    run_state.report(Path(sys.argv[1]), 7, 20, 14.0)
+from jointsdf.runs import status
+from jointsdf.runs.lock import lock
+with lock(Path(sys.argv[1]), wait=False):
+    status.begin(Path(sys.argv[1]))
+    status.report(Path(sys.argv[1]), 7, 20, 14.0)
     print("held", flush=True)
     time.sleep(float(sys.argv[2]))
 """
@@ -345,13 +347,13 @@ def held(tmp_path) -> Iterator[subprocess.Popen]:
 
 def test_a_lock_keeps_others_out_and_dies_with_its_process(tmp_path, held) -> None:
     folder = tmp_path / PLACE
-    assert run_state.state(folder) == run_state.RunState("running", 7, 20, 14.0)
-    with pytest.raises(run_state.Busy), run_state.lock(folder, wait=False):
+    assert status.state(folder) == status.RunState("running", 7, 20, 14.0)
+    with pytest.raises(Busy), lock(folder, wait=False):
         raise AssertionError("two at once")
     held.send_signal(signal.SIGKILL)
     held.wait()
-    assert run_state.state(folder) == run_state.RunState("stopped", 7, 20, 14.0)
-    with run_state.lock(folder, wait=False):
+    assert status.state(folder) == status.RunState("stopped", 7, 20, 14.0)
+    with lock(folder, wait=False):
         assert (folder / ".lock").exists()
     assert not (folder / ".lock").exists()
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -394,11 +395,30 @@ def test_closure_is_called_once_and_its_loss_returned(small_field: BuildField) -
 
 
 def test_needs_are_merged_per_point_set() -> None:
-    merged = merged_needs([Dirichlet(), Eikonal("abs", ["manifold", "shell"]), Weingarten(), CrossEntropy()])
+    merged = merged_needs(
+        {"d": Dirichlet(), "e": Eikonal("abs", ["manifold", "shell"]), "w": Weingarten(), "c": CrossEntropy()}
+    )
     assert merged == {
         "manifold": frozenset({"sdf", "grad", "logits"}),
         "shell": frozenset({"grad", Mixed("exact", 0.05)}),
     }
+
+
+def test_two_different_derivatives_on_one_set_are_refused() -> None:
+    exact, stencil = Weingarten(), Weingarten(derivative="finite_difference", spacing=0.02)
+    message = r"^loss\.terms\.a and loss\.terms\.b want different mixed derivatives on shell: [^\n]*$"
+    with pytest.raises(InputError, match=message):
+        merged_needs({"a": exact, "b": stencil})
+    with pytest.raises(InputError, match="different mixed derivatives"):
+        merged_needs({"a": replace(stencil, spacing=0.05), "b": stencil})
+    assert merged_needs({"a": exact, "b": replace(exact, normalised=False)}) == exact.needs
+
+
+def test_a_step_leaves_the_process_generator_as_it_is(small_field: BuildField) -> None:
+    module = module_of(small_field("relu").train(), {"ce": CrossEntropy()}, {"ce": 1.0})
+    before = torch.get_rng_state()
+    module.training_step(samples_of(), 0)
+    assert torch.equal(torch.get_rng_state(), before)
 
 
 def test_a_step_without_labels_does_not_move_the_head(small_field: BuildField) -> None:
