@@ -1,19 +1,20 @@
 """Sphinx configuration: `make docs` builds docs/_build/html, offline, with warnings as errors."""
 
 import os
+import re
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from docutils.utils.math.latex2mathml import tex2mathml
 from docutils.nodes import SkipNode
+from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 
 ROOT = Path(__file__).parents[1]
 
 project = "jointsdf"
 author = "jointsdf contributors"
-copyright = "2026, jointsdf contributors"  # noqa: A001 (Sphinx's name)
+copyright = "2026, jointsdf contributors"
 release = version = metadata.version("jointsdf")
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
@@ -34,6 +35,7 @@ nb_execution_timeout = 300
 os.environ.setdefault("OMP_NUM_THREADS", "2")  # for the notebook's kernel
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
 
+default_role = "code"  # docstrings name code in single backticks
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 autodoc_typehints = "signature"
@@ -56,12 +58,23 @@ def link_pages(app: Sphinx, docname: str, source: list[str]) -> None:  # noqa: A
         source[0] = source[0].replace(f"]({path})", f"]({page})")
 
 
-def link_included(app: Sphinx, relative: Path, parent: str, content: list[str]) -> None:
+def link_included(app: Sphinx, relative: Path, parent: str, content: list[str]) -> None:  # noqa: ARG001
     """The same in files that a page includes, whose links start where they lie."""
-    folder = (Path(app.srcdir) / relative).resolve().parent
-    for path, page in PAGES.items():
-        target = os.path.relpath((Path(app.srcdir) / path).resolve(), folder)
-        content[0] = content[0].replace(f"]({target})", f"]({page})")
+    root = Path(app.srcdir)
+    folder = (root / relative).resolve().parent
+
+    def from_here(match: re.Match[str]) -> str:
+        path = os.path.relpath(folder / match[1], root)
+        return f"]({PAGES.get(path, path)})" if (folder / match[1]).exists() else match[0]
+
+    content[0] = re.sub(r"\]\(([^)\s:#]+)\)", from_here, content[0])
+
+
+def escape_bars(app: Sphinx, kind: str, name: str, what: object, options: object, lines: list[str]) -> None:  # noqa: ARG001
+    """Keep |x| in docstrings from being read as a reStructuredText substitution."""
+    for i, line in enumerate(lines):
+        outside = re.split(r"(`[^`]*`)", line)
+        lines[i] = "".join(part if part.startswith("`") else part.replace("|", r"\|") for part in outside)
 
 
 def visit_inline_math(self: Any, node: Any) -> None:
@@ -80,4 +93,5 @@ def setup(app: Sphinx) -> None:
     """Register the above."""
     app.connect("source-read", link_pages)
     app.connect("include-read", link_included)
+    app.connect("autodoc-process-docstring", escape_bars, priority=900)  # after napoleon
     app.add_html_math_renderer("mathml", (visit_inline_math, None), (visit_block_math, None))
