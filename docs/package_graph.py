@@ -1,6 +1,8 @@
 """Draw docs/package_graph.svg from the import statements of the package: `python docs/package_graph.py`."""
 
 import ast
+import re
+import tomllib
 from collections import Counter
 from collections.abc import Iterator
 from html import escape
@@ -18,11 +20,6 @@ STYLE = """
 """
 
 
-def place_of(parts: tuple[str, ...]) -> str:
-    """The place of a module: its folder, or the module itself where it lies in no folder."""
-    return parts[0]
-
-
 def imported(tree: ast.AST) -> Iterator[str]:
     """Places of the package that a module imports, once for each statement."""
     for node in ast.walk(tree):
@@ -32,15 +29,15 @@ def imported(tree: ast.AST) -> Iterator[str]:
         for name in names:
             top, *rest = name.split(".")
             if top == "jointsdf" and rest:
-                yield place_of(tuple(rest))
+                yield rest[0]
 
 
 def import_graph() -> dict[str, Counter[str]]:
-    """For each place the places that it imports, with the number of import statements."""
+    """What each place (a folder, or a module in none) imports, with the number of import statements."""
     graph: dict[str, Counter[str]] = {}
     for path in sorted(PACKAGE.rglob("*.py")):
         parts = path.relative_to(PACKAGE).with_suffix("").parts
-        place = place_of(parts)
+        place = parts[0]
         if place in SKIPPED:
             continue
         found = graph.setdefault(place, Counter())
@@ -48,32 +45,24 @@ def import_graph() -> dict[str, Counter[str]]:
     return {place: Counter({to: n for to, n in found.items() if to in graph}) for place, found in graph.items()}
 
 
-def levels(graph: dict[str, Counter[str]]) -> dict[str, int]:
-    """Length of the longest chain of imports below each place. A cycle counts at its first place in the alphabet."""
-    level: dict[str, int] = {}
-
-    def depth(place: str, above: frozenset[str]) -> int:
-        if place not in level:
-            below = [depth(to, above | {place}) for to in sorted(graph[place]) if to not in above | {place}]
-            level[place] = 1 + max(below, default=-1)
-        return level[place]
-
-    for place in sorted(graph):
-        depth(place, frozenset())
-    return level
+def levels() -> list[list[str]]:
+    """Places of each level, top to bottom, from the import contract in pyproject.toml."""
+    settings = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = settings["tool"]["importlinter"]["contracts"]
+    layers = next(contract["layers"] for contract in contracts if contract["type"] == "layers")
+    return [re.split(r"\s*[|:]\s*", layer) for layer in layers]
 
 
 def drawing(graph: dict[str, Counter[str]]) -> str:
     """The graph as SVG: an arrow goes from a place to one that it imports, the wider the more statements do."""
-    level = levels(graph)
-    rows = [sorted(p for p in graph if level[p] == number) for number in range(max(level.values()) + 1)][::-1]
+    rows = [[place for place in level if place in graph] for level in levels()]
     width = 2 * MARGIN + max(len(row) * (WIDE + GAP) - GAP for row in rows)
     centre: dict[str, tuple[float, float]] = {}
     for i, row in enumerate(rows):
         left = (width - len(row) * (WIDE + GAP) + GAP) / 2
         for j, place in enumerate(row):
             centre[place] = (left + j * (WIDE + GAP) + WIDE / 2, MARGIN + i * ROW + HIGH / 2)
-    height = 2 * MARGIN + (len(rows) - 1) * ROW + HIGH
+    height = 2 * MARGIN + (len(rows) - 1) * ROW + 2 * HIGH
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}">',
         f"  <style>{STYLE}  </style>",
@@ -84,11 +73,17 @@ def drawing(graph: dict[str, Counter[str]]) -> str:
     for place in sorted(graph):
         for to, count in sorted(graph[place].items()):
             (x, y), (u, v) = centre[place], centre[to]
-            y, v = (y + HIGH / 2, v - HIGH / 2) if v > y else (y - HIGH / 2, v + HIGH / 2)
-            bend = (v - y) / 2
+            if v == y:  # beside each other: an arc below
+                bend = HIGH
+                y, v = y + HIGH / 2, v + HIGH / 2
+                shape = f"M{x:g} {y:g} C{x:g} {y + bend:g} {u:g} {v + bend:g} {u:g} {v:g}"
+            else:
+                y, v = y + HIGH / 2, v - HIGH / 2
+                bend = (v - y) / 2
+                shape = f"M{x:g} {y:g} C{x:g} {y + bend:g} {u:g} {v - bend:g} {u:g} {v:g}"
             lines.append(
-                f'  <path class="arrow" d="M{x:g} {y:g} C{x:g} {y + bend:g} {u:g} {v - bend:g} {u:g} {v:g}"'
-                f' stroke-width="{min(0.8 + 0.15 * count, 4):.2f}" marker-end="url(#tip)"/>'
+                f'  <path class="arrow" d="{shape}" marker-end="url(#tip)"'
+                f' stroke-width="{min(0.8 + 0.15 * count, 4):.2f}"/>'
             )
     for place, (x, y) in sorted(centre.items()):
         kind = "box" if (PACKAGE / place).is_dir() else "module"
