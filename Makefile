@@ -13,7 +13,7 @@ STAMP := $(VENV)/.complete
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-slurm lint train sweep results tables figures report abc bench clean
+.PHONY: help setup demo test test-slurm lint train sweep results tables figures report abc bench docs clean
 
 help: ## List these commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' Makefile
@@ -70,6 +70,11 @@ lint: setup ## ruff, mypy and the import contracts
 	$(RUN) -m mypy
 	"$(VENV)/bin/lint-imports"
 
+docs: setup ## The documentation into docs/_build/html, offline; executes its notebook, and a warning is an error
+	$(RUN) docs/package_graph.py
+	$(RUN) -m sphinx -b html -W --keep-going -q docs docs/_build/html
+	@echo "Open docs/_build/html/index.html"
+
 clean: ## Delete caches and build leftovers; outputs and .venv stay
-	rm -rf build dist jointsdf.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf build dist docs/_build jointsdf.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	find . -path "./$(VENV)" -prune -o -type d -name __pycache__ -exec rm -rf {} +
