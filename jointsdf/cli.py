@@ -98,13 +98,13 @@ def _asks_for_help() -> bool:
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(jointsdf.__version__, prog_name="jointsdf")
 def main() -> None:
-    r"""Neural signed distance fields that know their parts.
+    """Neural signed distance fields that know their parts.
 
     \b
     jointsdf fit head=siren shape=abc_0001     fit, extract and measure one shape
     jointsdf fit -m head=relu,siren,hybrid     several runs
     jointsdf COMMAND --help                    all that a command takes
-    """
+    """  # noqa: D301 (Click reads the backspace)
 
 
 def _command(name: str, help_line: str, run: Callable[[], int]) -> None:
