@@ -415,3 +415,17 @@ def test_evaluate_without_a_run_is_one_line():
     assert answer.lines == [
         "error: run= is missing; give a finished run's folder: run=outputs/fast/base/siren/part_01/seed0"
     ]
+
+
+def test_a_run_of_points_draws_its_cloud_once(tmp_path, monkeypatch) -> None:
+    """Its area, its samples and its distances are those of one cloud."""
+    drawn, original = [], Cloud.of.__func__
+
+    def counted(cls, *args, **options):
+        drawn.append(options["count"])
+        return original(cls, *args, **options)
+
+    monkeypatch.setattr(Cloud, "of", classmethod(counted))
+    answer = train(tmp_path, "data.distances=cloud", "trainer.full_rate_area=6", "data.cloud_size=2000")
+    assert answer.code == 0, answer.text
+    assert drawn == [2000]
