@@ -99,6 +99,7 @@ class JointField(nn.Module):
         Raises:
             InputError: Points or names that cannot be used.
 
+        >>> from jointsdf.values import UNMOVED
         >>> field = JointField({"width": 8, "depth": 2, "tap": 1}, {"name": "none"}, np.arange(0), UNMOVED)
         >>> answer = field.query([[0.0, 0.0, 0.5]], what="sdf")
         >>> len(answer.sdf), answer.part
