@@ -7,7 +7,7 @@ from analytic import box_distance
 from clouds import cloud_of
 from scipy.ndimage import label
 
-from jointsdf.data.free_space import FINEST, LEAST_CELLS, FreeSpace
+from jointsdf.data.free_space import LEAST_INSIDE_CELLS, MOST_CELLS, FreeSpace
 from jointsdf.data.point_cloud import Cloud, stream
 from jointsdf.data.sampler import Counts
 from jointsdf.data.samples import SampleSettings, prepare_samples
@@ -59,7 +59,9 @@ def test_empty_balls_tell_sides_nearer_than_free_space_does(extents: tuple[float
     exact = box_distance(points - centre, half)
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     steps = [box_distance(points - centre + 1e-4 * axis, half) * np.sign(exact) for axis in axes]
-    signs = space.by_ball(points, axes[np.argmax(steps, axis=0)])  # along the axis that leads away from the surface
+    signs = space.sign_by_empty_ball(
+        points, axes[np.argmax(steps, axis=0)]
+    )  # along the axis that leads away from the surface
     near = space.sign(points) == 0
     told = near & (signs != 0)
     np.testing.assert_array_equal(signs[told], np.sign(exact)[told])
@@ -76,13 +78,13 @@ def test_the_widest_places_of_a_gap_are_not_taken_for_inside() -> None:
     slot = np.abs((np.arange(space.cells) + 0.5) * 2 * BOX / space.cells - BOX - middle) < 0.05
     assert not (space.signs[:, :, slot] < 0).any()
     assert (space.signs < 0).any()
-    assert np.bincount(label(space.signs < 0)[0].ravel())[1:].min() >= LEAST_CELLS
+    assert np.bincount(label(space.signs < 0)[0].ravel())[1:].min() >= LEAST_INSIDE_CELLS
 
 
 def test_cells_stay_bounded_for_a_dense_cloud() -> None:
     cloud = cloud_of(trimesh.creation.box((2, 0.05, 0.05)), 200_000)
     space = FreeSpace(cloud.points)
-    assert space.cells == FINEST
+    assert space.cells == MOST_CELLS
     signs = space.sign(probes())
     beyond = np.abs(probes()) - np.array([2, 0.05, 0.05]) / 2 / cloud.normalisation.scale
     assert (signs[(signs != 0) & (beyond > 0).any(1)] > 0).all()

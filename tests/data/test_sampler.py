@@ -11,7 +11,7 @@ from clouds import sampler_of
 from scipy.stats import chisquare, kstest
 
 from jointsdf.data.datamodule import ShapeDataModule, StepStream
-from jointsdf.data.point_cloud import Cloud, pool_points, stream
+from jointsdf.data.point_cloud import Cloud, draw_pool, stream
 from jointsdf.data.sampler import SHELL_NEIGHBOUR, Counts, Sampler
 from jointsdf.errors import InputError
 from jointsdf.geometry.mesh import area_uniform, face_normals
@@ -239,7 +239,7 @@ def test_pool_is_near_the_surface_and_everywhere(
     box: LabelledMesh, box_distance: Callable[[np.ndarray], np.ndarray]
 ) -> None:
     cloud = Cloud.of(box, count=5000, seed=0)
-    points = pool_points(cloud, count=10001, near_share=0.5, seed=0)
+    points = draw_pool(cloud, count=10001, near_share=0.5, seed=0)
     assert points.shape == (10001, 3)
     assert np.abs(points).max() <= BOX
     near, far = points[:5000], points[5000:]

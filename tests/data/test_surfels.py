@@ -7,7 +7,7 @@ from analytic import box_distance
 from clouds import cloud_of, sampler_of
 
 from jointsdf.data import point_cloud, samples
-from jointsdf.data.point_cloud import Cloud, pool_points, stream
+from jointsdf.data.point_cloud import Cloud, draw_pool, stream
 from jointsdf.data.sampler import Counts
 from jointsdf.data.surfels import Surfels
 from jointsdf.geometry.distance import network_distance
@@ -125,7 +125,7 @@ def test_a_run_knows_of_the_cloud_what_its_points_tell(box_shape: Shape) -> None
     np.testing.assert_array_equal(found[:20000], surfels_of(Cloud.of(box_shape.mesh, count=20000, seed=0)).normals)
     assert not found[20000:].any(), "of other points than the uniform ones nothing is estimated"
     assert ((found * cloud.normals).sum(axis=1)[found.any(axis=1)] > 0.9).mean() > 0.99
-    pool = pool_points(cloud, count=5000, near_share=0.5, seed=0)
+    pool = draw_pool(cloud, count=5000, near_share=0.5, seed=0)
     assert len(sampler.pool) > 0.9 * len(pool), "known down to the surface"
     exact = network_distance(box_shape, cloud.normalisation).signed(sampler.pool)
     errors = np.abs(sampler.pool_distances - exact)
