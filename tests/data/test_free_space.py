@@ -1,4 +1,4 @@
-"""Sides from points alone: never wrong where they are given, given wherever walls are thick enough."""
+"""Signs from points alone: never wrong where they are given, given wherever walls are thick enough."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def test_a_plate_is_outside_on_both_sides_and_inside_only_where_it_is_thick(thic
     height = np.abs(points[:, 2]) - thickness / 2 / cloud.normalisation.scale
     assert ((signs < 0) <= (height < 0)).all()
     assert (signs[(signs != 0) & (height >= 0)] > 0).all()
-    assert (signs[height > 2 * space.reach] == 1).all(), "above and below it is outside, and that is told"
+    assert (signs[height > 2 * space.reach] == 1).all(), "certain above and below"
     assert (signs < 0).any() == (thickness > 0.1)
 
 
@@ -47,7 +47,7 @@ def test_a_tube_is_outside_within() -> None:
 
 
 @pytest.mark.parametrize("extents", [(2, 2, 0.01), (2, 2, 2)], ids=["plate", "cube"])
-def test_empty_balls_tell_sides_nearer_than_free_space_does(extents: tuple[float, float, float]) -> None:
+def test_empty_balls_give_signs_nearer_to_the_surface_than_free_space(extents: tuple[float, float, float]) -> None:
     cloud = cloud_of(trimesh.creation.box(extents))
     space, half = FreeSpace(cloud.points), np.array(extents) / 2 / cloud.normalisation.scale
     centre = cloud.normalisation.forward(np.zeros((1, 3)))
@@ -66,7 +66,7 @@ def test_empty_balls_tell_sides_nearer_than_free_space_does(extents: tuple[float
     assert np.abs(exact[certain]).min() < 0.15 * space.reach
 
 
-def test_the_widest_places_of_a_gap_are_not_taken_for_inside() -> None:
+def test_the_widest_places_of_a_gap_do_not_count_as_inside() -> None:
     """A slot about as wide as twice the gaps between points, so that a few cells of it are free."""
     slabs = [trimesh.creation.box((2, 2, 0.5)).apply_translation((0, 0, side * 0.365)) for side in (-1, 1)]
     cloud = cloud_of(trimesh.util.concatenate(slabs))

@@ -78,7 +78,7 @@ def test_the_sides_of_a_narrow_slot_face_each_other() -> None:
     assert ((surfels.normals * cloud.normals).sum(axis=1)[known] > 0).mean() > 0.998
 
 
-def test_points_without_a_surface_tell_nothing() -> None:
+def test_scattered_points_have_no_normals_and_no_signs() -> None:
     scattered = stream(3, 0).uniform(-0.9, 0.9, (5000, 3))
     surfels = Surfels(scattered)
     assert surfels.normals.any(axis=1).mean() < 0.02
@@ -102,8 +102,8 @@ def test_points_on_a_line_or_on_one_another_have_no_normal(kind: str) -> None:
 
 
 @pytest.mark.parametrize("count", [2, 3, 5, 12, 17, 25])
-def test_a_few_points_tell_nothing(count: int) -> None:
-    """They leave every side in doubt, so there is no normal, no distance, and no error."""
+def test_too_few_points_have_no_normals_and_no_signs(count: int) -> None:
+    """Every side is in doubt: no normal, no distance, and no error."""
     points = cloud_of(trimesh.creation.icosphere(3, 0.7), count).points
     surfels = Surfels(points)
     distances, certain = surfels.signed(np.zeros((0, 3)))

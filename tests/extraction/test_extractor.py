@@ -53,7 +53,7 @@ def test_no_sign_change_is_an_empty_mesh(method: str, value: float) -> None:
     assert mesh.labels.shape == (0,)
 
 
-def test_faces_take_the_majority_and_only_ties_are_asked_again() -> None:
+def test_faces_take_the_majority_and_only_ties_query_the_centroid() -> None:
     asked: list[np.ndarray] = []
 
     def label(points: np.ndarray) -> np.ndarray:
@@ -76,7 +76,7 @@ def test_faces_take_the_majority_and_only_ties_are_asked_again() -> None:
     assert queried == len(mesh.vertices) + ties
 
 
-def test_mesh_comes_back_in_file_units() -> None:
+def test_mesh_is_in_file_units() -> None:
     file_units = Normalisation(np.array([120.0, -40.0, 7.5]), 35.0)
     mesh = Extraction(64).labelled_mesh(
         ball((0, 0, 0), 0.7), lambda points: (points[:, 0] > 0).astype(np.int64), file_units

@@ -65,7 +65,7 @@ def test_a_failed_check_reopens_what_a_misleading_interpolation_pruned(monkeypat
     assert found > len(centres) / 3
 
 
-def test_what_a_check_met_is_in_the_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_components_that_a_check_met_are_in_the_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
     """Floaters of radius 2 cells, between the points of a lattice of 8: a check finds some of them, by chance."""
     cell = 2 * BOX / 189
     lines = 8 * np.arange(2, 22, 2) + 4
