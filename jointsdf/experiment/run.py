@@ -245,7 +245,7 @@ def extract(field: JointField, measures: build.Measures, *, refine: bool) -> tup
 
     extraction = measures.extraction
     extraction, surface = refine_until_stable(extraction, sdf) if refine else (extraction, extraction.surface(sdf))
-    mesh = extraction.labelled(surface, field.network_part, field.normalisation)
+    mesh = extraction.label_faces(surface, field.network_part, field.normalisation)
     return replace(measures, extraction=extraction), mesh
 
 

@@ -8,7 +8,7 @@ import trimesh
 from analytic import box_distance
 from scipy.spatial import KDTree
 
-from jointsdf.data.point_cloud import Cloud, pool_points, region_areas, stream
+from jointsdf.data.point_cloud import Cloud, draw_pool, region_areas, stream
 from jointsdf.data.sampler import Counts, Sampler
 from jointsdf.geometry.mesh import border_edges, edge_keys, face_areas, near_borders, relative_area
 from jointsdf.values import LabelledMesh
@@ -112,7 +112,7 @@ def test_steps_and_pool_draw_from_the_regions() -> None:
     found = np.array([places[tuple(point)] for point in drawn.manifold.tolist()])
     assert [int(((found >= low) & (found < low + size)).sum()) for low, size in ((0, 3000), (3000, 1000))] == [250, 250]
     np.testing.assert_array_equal(drawn.normals.numpy(), cloud.normals[found].astype(np.float32))
-    near = pool_points(cloud, count=4000, near_share=1.0, seed=0)
+    near = draw_pool(cloud, count=4000, near_share=1.0, seed=0)
     nearest = KDTree(cloud.points[:4000]).query(near)[1]
     assert (nearest >= 3000).mean() == pytest.approx(0.25, abs=0.05)
     without = Cloud.of(halves(), count=3000, seed=0)
