@@ -13,7 +13,7 @@ import matplotlib as mpl
 import pandas as pd
 
 from jointsdf.errors import InputError
-from jointsdf.runs.folder import BOARD, read_config, stored_row
+from jointsdf.runs.folder import BOARD, read_config, read_result
 from jointsdf.study.figures.loss_curves import read_curves
 from jointsdf.study.figures.style import COLOURS, MARKERS, PNG_DPI, STYLE, panels
 from jointsdf.study.tables.columns import CD_L1, MIOU, NC
@@ -45,7 +45,7 @@ def progress(run: Path) -> pd.DataFrame:
     Raises:
         InputError: The run is not finished, or was made without previews.
     """
-    row = stored_row(run)
+    row = read_result(run)
     curves = read_curves(run / BOARD, f"preview_{read_config(run)['trainer']['preview_resolution']}/")
     if not curves:
         raise InputError(f"{run / BOARD}: no previews; trainer.preview_every=100 makes them")

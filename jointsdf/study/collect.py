@@ -6,15 +6,16 @@ from pathlib import Path
 
 import pandas as pd
 
-from jointsdf.runs.csv import read_committed, records
-from jointsdf.runs.row import ResultRow, read_rows
+from jointsdf.runs.csv import read_committed
+from jointsdf.runs.records import flatten_rows
+from jointsdf.runs.row import ResultRow, read_rows, run_key
 
 log = logging.getLogger(__name__)
 
 
 def collect(rows: Sequence[ResultRow]) -> pd.DataFrame:
     """The rows as a table with the columns of `csv_rows`; NaN for what a run does not have."""
-    return pd.DataFrame(records(rows))
+    return pd.DataFrame(flatten_rows(rows))
 
 
 def gather(outputs: Path, results: Path, heads: Collection[str] | None = None) -> list[ResultRow]:
@@ -32,17 +33,11 @@ def gather(outputs: Path, results: Path, heads: Collection[str] | None = None) -
     committed, more = read_committed(results)
     for problem in problems + more:
         log.warning(problem)
-    here = {identity(row) for row in rows}
-    rows += [row for row in committed if identity(row) not in here]
+    here = {run_key(row) for row in rows}
+    rows += [row for row in committed if run_key(row) not in here]
     if not rows:
         raise ValueError(f"{outputs}: no result rows below it; make one with `python train.py`, or name another folder")
     known = sorted({row.head for row in rows})
     if unknown := [name for name in heads or [] if name not in known]:
         raise ValueError(f"heads: no row of {', '.join(unknown)!r}; there are rows of {', '.join(known)}")
     return rows if heads is None else [row for row in rows if row.head in heads]
-
-
-def identity(row: ResultRow) -> tuple[str, ...]:
-    """What tells a run from another one; two rows of the same run never share a table."""
-    names = (row.study, row.variant, row.recipe, row.head, row.shape, str(row.seed))
-    return (*names, str(row.provenance.get("label_provider")))

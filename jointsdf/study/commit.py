@@ -4,8 +4,7 @@ from pathlib import Path
 
 from jointsdf.runs.csv import FILE, rows_from_csv, rows_to_csv
 from jointsdf.runs.files import write_atomically
-from jointsdf.runs.row import ResultRow, read_rows
-from jointsdf.study.collect import identity
+from jointsdf.runs.row import ResultRow, read_rows, run_key
 
 
 def commit_rows(study: Path, results: Path) -> tuple[Path, int, list[str]]:
@@ -26,11 +25,11 @@ def commit_rows(study: Path, results: Path) -> tuple[Path, int, list[str]]:
     merged: dict[tuple[str, ...], ResultRow] = {}
     if path.is_file():
         try:
-            merged = {identity(row): row for row in rows_from_csv(path.read_text(encoding="utf-8"))}
+            merged = {run_key(row): row for row in rows_from_csv(path.read_text(encoding="utf-8"))}
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
     if not rows:
         raise ValueError(f"{study}: no result rows below it; `python train.py sweeps={study.name}` makes them")
-    merged |= {identity(row): row for row in rows}
+    merged |= {run_key(row): row for row in rows}
     write_atomically(path, rows_to_csv(list(merged.values())))
     return path, len(merged), problems

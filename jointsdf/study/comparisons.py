@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import pandas as pd
 
-from jointsdf.runs.csv import DEFAULT_PROTOCOL, source_of
+from jointsdf.runs.records import DEFAULT_PROTOCOL, source_of
 from jointsdf.study.missing_runs import Gap
 from jointsdf.study.statistics import common_shapes
 

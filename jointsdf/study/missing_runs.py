@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jointsdf.runs.row import ResultRow
-from jointsdf.runs.status import PLAN, planned, state
+from jointsdf.runs.status import PLAN, planned_runs, read_state
 
 SHOWN = 12
 
@@ -42,10 +42,10 @@ def find_gaps(outputs: Path, rows: Iterable[ResultRow], heads: Collection[str] |
     there = {(row.study, row.variant, row.head, row.shape, f"seed{row.seed}") for row in rows}
     gaps = []
     for plan in sorted(outputs.glob(f"*/{PLAN}")):
-        for folder in planned(plan.parent):
+        for folder in planned_runs(plan.parent):
             run = (plan.parent.name, *folder.relative_to(plan.parent).parts)
             if len(run) == 5 and run not in there:
-                found = state(folder)
+                found = read_state(folder)
                 reason = {"failed": f"failed: {found.error}", "done": "its result cannot be read"}
                 gaps.append(Gap(*run, reason=reason.get(found.kind, found.kind)))
     return [gap for gap in gaps if heads is None or gap.head in heads]

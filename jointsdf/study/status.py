@@ -6,7 +6,7 @@ from pathlib import Path
 from statistics import fmean
 
 from jointsdf.runs.row import ROW_FILE, read_row
-from jointsdf.runs.status import TRACEBACK, RunState, duration, planned, state
+from jointsdf.runs.status import TRACEBACK, RunState, duration, planned_runs, read_state
 
 COUNTED = ("done", "running", "failed", "damaged", "stopped", "missing")
 
@@ -20,10 +20,10 @@ def status(study: Path) -> str:
     Raises:
         ValueError: There are no runs in it. One line, with the fix.
     """
-    folders = dict.fromkeys([*planned(study), *sorted(study.glob("*/*/*/seed*"))])
+    folders = dict.fromkeys([*planned_runs(study), *sorted(study.glob("*/*/*/seed*"))])
     if not folders:
         raise ValueError(f"{study}: no runs there; `python train.py sweeps={study.name}` starts a stored sweep")
-    states = {folder: state(folder) for folder in folders}
+    states = {folder: read_state(folder) for folder in folders}
     cells = {folder: _cell(found) for folder, found in states.items()}
     kinds: Counter[str] = Counter(found.kind for found in states.values())
     seconds: list[float] = []

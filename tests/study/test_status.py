@@ -41,14 +41,14 @@ def test_every_kind_of_run_at_a_glance(tmp_path: Path, caplog: pytest.LogCapture
     done(tmp_path, "siren", "abc_0001")
     run_state.fail(folders["abc_0002", "relu"], "loss is nan", ValueError("loss is nan"))
     run_state.begin(folders["abc_0002", "siren"])
-    run_state.report(folders["abc_0002", "siren"], 5, 20, 1.0)
+    run_state.note_progress(folders["abc_0002", "siren"], 5, 20, 1.0)
     done(tmp_path, "relu", "abc_0003")
     (folders["abc_0003", "relu"] / "result.json").write_text("{")
     running, measuring = folders["abc_0003", "siren"], folders["abc_0004", "relu"]
     with run_state.lock(running, wait=False), run_state.lock(measuring, wait=False):
         for folder, step in ((running, 150), (measuring, 600)):
             run_state.begin(folder)
-            run_state.report(folder, step, 600, 40.0)
+            run_state.note_progress(folder, step, 600, 40.0)
         lines = shown(caplog, "status", "main", str(tmp_path))
     assert lines[0] == (
         f"{tmp_path / 'main'}: 8 runs: 2 done, 2 running, 1 failed, 1 damaged, 1 stopped, 1 missing; "
@@ -92,32 +92,32 @@ def test_wanted_runs_add_up_in_their_order(tmp_path: Path) -> None:
     main = tmp_path / "main"
     run_state.plan(main, [main / "b", main / "a"])
     run_state.plan(main, [main / "c", main / "b"])
-    assert run_state.planned(main) == [main / "b", main / "a", main / "c"]
+    assert run_state.planned_runs(main) == [main / "b", main / "a", main / "c"]
     (main / "sweep.json").write_text("{")
-    assert run_state.planned(main) == []
+    assert run_state.planned_runs(main) == []
 
 
 def test_two_deaths_at_one_step_are_told_from_two_at_different_steps(tmp_path: Path) -> None:
     run_state.begin(tmp_path)
-    run_state.report(tmp_path, 10, 20, 1.0)
-    assert run_state.state(tmp_path) == RunState("stopped", 10, 20, 1.0)
+    run_state.note_progress(tmp_path, 10, 20, 1.0)
+    assert run_state.read_state(tmp_path) == RunState("stopped", 10, 20, 1.0)
     run_state.begin(tmp_path)
-    run_state.report(tmp_path, 12, 20, 1.0)
-    assert not run_state.state(tmp_path).killed_twice
+    run_state.note_progress(tmp_path, 12, 20, 1.0)
+    assert not run_state.read_state(tmp_path).killed_twice
     run_state.begin(tmp_path)
-    run_state.report(tmp_path, 12, 20, 1.0)
-    assert run_state.state(tmp_path).killed_twice
+    run_state.note_progress(tmp_path, 12, 20, 1.0)
+    assert run_state.read_state(tmp_path).killed_twice
     run_state.fail(tmp_path, "killed", MemoryError())
     run_state.begin(tmp_path)
-    assert not run_state.state(tmp_path).killed_twice
+    assert not run_state.read_state(tmp_path).killed_twice
     run_state.end(tmp_path)
-    assert run_state.state(tmp_path) == RunState("missing")
+    assert run_state.read_state(tmp_path) == RunState("missing")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "null", '{"state": "runn'])
 def test_a_damaged_status_is_none(tmp_path: Path, text: str) -> None:
     (tmp_path / "status.json").write_text(text)
-    assert run_state.state(tmp_path) == RunState("missing")
+    assert run_state.read_state(tmp_path) == RunState("missing")
 
 
 @pytest.mark.parametrize(

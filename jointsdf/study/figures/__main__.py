@@ -6,7 +6,7 @@ import sys
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
-from jointsdf.runs.csv import DEFAULT_PROTOCOL
+from jointsdf.runs.records import DEFAULT_PROTOCOL
 from jointsdf.runs.row import ResultRow
 from jointsdf.study.__main__ import add_folders, add_heads
 from jointsdf.study.collect import collect, gather

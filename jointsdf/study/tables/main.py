@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from jointsdf.runs.csv import IOU
+from jointsdf.runs.records import IOU
 from jointsdf.study.captions import SEVERAL, measured_on
 from jointsdf.study.comparisons import Comparison, Group, compare
 from jointsdf.study.statistics import pooled_deviation

@@ -11,7 +11,7 @@ from scipy import stats
 from study_rows import NAN, line, make_row, make_tables, write
 
 from jointsdf.runs import status as run_state
-from jointsdf.runs.csv import label_kind, source_of
+from jointsdf.runs.records import label_kind, source_of
 from jointsdf.runs.row import ResultRow, write_row
 from jointsdf.study.__main__ import main
 from jointsdf.study.collect import collect
