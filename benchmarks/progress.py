@@ -15,7 +15,7 @@ import pandas as pd
 from jointsdf.errors import InputError
 from jointsdf.runs.folder import BOARD, read_config, read_result
 from jointsdf.study.figures.loss_curves import read_curves
-from jointsdf.study.figures.style import COLOURS, MARKERS, PNG_DPI, STYLE, panels
+from jointsdf.study.figures.style import COLOURS, MARKERS, PNG_DPI, STYLE, make_panels
 from jointsdf.study.tables.columns import CD_L1, MIOU, NC
 
 SHOWN = (CD_L1, NC, MIOU)
@@ -60,7 +60,7 @@ def progress(run: Path) -> pd.DataFrame:
 def draw(found: pd.DataFrame, path: Path) -> None:
     """Each measure over the seconds of the fit, a line per recipe."""
     with mpl.rc_context(STYLE):
-        figure, axes = panels(1, len(SHOWN), 2.2)
+        figure, axes = make_panels(1, len(SHOWN), 2.2)
         for ax, column in zip(axes, SHOWN, strict=True):
             for place, (recipe, runs) in enumerate(found.groupby("recipe", sort=False)):
                 style = {"color": COLOURS[place + 1], "marker": MARKERS[place + 1], "markersize": 3}

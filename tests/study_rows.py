@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from jointsdf.runs.row import ResultRow, write_row
-from jointsdf.study.collect import gather
+from jointsdf.study.collect import load_rows
 from jointsdf.study.tables.write import write_tables
 
 NAN = math.nan
@@ -75,7 +75,7 @@ def write(outputs: Path, *rows: ResultRow) -> None:
 
 def make_tables(outputs: Path, results: Path | None = None) -> list[Path]:
     results = results or outputs / "no-results"
-    return write_tables(gather(outputs, results), outputs, results)
+    return write_tables(load_rows(outputs, results), outputs, results)
 
 
 def line(table: pd.DataFrame, head: str) -> pd.Series:

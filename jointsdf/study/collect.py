@@ -1,4 +1,4 @@
-"""Result rows -> one table in memory: one line per run and evaluation protocol."""
+"""Result rows as one DataFrame: a line per run and evaluation protocol."""
 
 import logging
 from collections.abc import Collection, Sequence
@@ -14,17 +14,17 @@ log = logging.getLogger(__name__)
 
 
 def collect(rows: Sequence[ResultRow]) -> pd.DataFrame:
-    """The rows as a table with the columns of `csv_rows`; NaN for what a run does not have."""
+    """Put the rows into a DataFrame with the columns of `runs.records`; NaN for a missing value."""
     return pd.DataFrame(flatten_rows(rows))
 
 
-def gather(outputs: Path, results: Path, heads: Collection[str] | None = None) -> list[ResultRow]:
-    """The rows of all runs below a folder, and the committed ones of runs that are not there; problems are logged.
+def load_rows(outputs: Path, results: Path, heads: Collection[str] | None = None) -> list[ResultRow]:
+    """Load the rows of all runs below a folder, and the committed rows of other runs; problems are logged.
 
     Args:
         outputs: Folder of the runs.
         results: Folder of the committed studies; a missing one holds none.
-        heads: Those whose rows are wanted; None for all.
+        heads: Only these heads; None for all.
 
     Raises:
         ValueError: There is no readable row, or none of a head. One line, with the fix.

@@ -1,4 +1,4 @@
-"""A study's rows as one file to be committed, `results/<study>/runs.csv`: whoever has it need not run them again."""
+"""Merge a study's rows into one file to be committed, `results/<study>/runs.csv`, from which any clone reuses them."""
 
 from pathlib import Path
 
@@ -8,14 +8,14 @@ from jointsdf.runs.row import ResultRow, read_rows, run_key
 
 
 def commit_rows(study: Path, results: Path) -> tuple[Path, int, list[str]]:
-    """Write the study's rows, beside those in the file that have no run here, e.g. of another machine.
+    """Merge the study's rows into its committed file; rows of runs that are not here, e.g. of another machine, stay.
 
     Args:
         study: The study's folder, `<outputs>/<study>`.
         results: Folder of the committed studies.
 
     Returns:
-        The file, how many rows it holds, and a line for each row that was left out.
+        The file, the number of its rows, and a line for each row that was left out.
 
     Raises:
         ValueError: There is no row, or the file is damaged. One line, with the fix.

@@ -1,4 +1,4 @@
-"""How a study stands: a grid of heads by shapes for each variant, what failed and why, and how long the rest takes."""
+"""Status of a study as text: per variant a grid of heads by shapes, failures with their reasons, time left."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -11,8 +11,8 @@ from jointsdf.runs.status import TRACEBACK, RunState, duration, planned_runs, re
 COUNTED = ("done", "running", "failed", "damaged", "stopped", "missing")
 
 
-def status(study: Path) -> str:
-    """How the study's runs stand, as text for a terminal.
+def format_status(study: Path) -> str:
+    """Status of the study's runs, as text for a terminal.
 
     Args:
         study: Its folder, `<outputs>/<study>`.
@@ -46,6 +46,7 @@ def status(study: Path) -> str:
 
 
 def _cell(found: RunState) -> str:
+    """A run's state in a few characters."""
     share = f"{100 * found.step // found.steps}%" if found.steps else ""
     if found.kind == "missing":
         return "-"

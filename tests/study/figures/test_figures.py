@@ -13,14 +13,14 @@ from study_rows import make_row, write
 from jointsdf.errors import InputError
 from jointsdf.runs.row import ResultRow, write_row
 from jointsdf.study.collect import collect
-from jointsdf.study.comparisons import Group, split
 from jointsdf.study.figures import renderings as pictures
 from jointsdf.study.figures import run_meshes as meshes
 from jointsdf.study.figures.__main__ import main, write_figures
 from jointsdf.study.figures.loss_curves import loss_curves, read_curves
 from jointsdf.study.figures.plots import error_scatter, metric_comparison, part_count, time_quality
 from jointsdf.study.figures.run_meshes import Pair
-from jointsdf.study.figures.style import COLOURS, MARKERS, dodge, look
+from jointsdf.study.figures.style import COLOURS, MARKERS, dodge, head_style
+from jointsdf.study.groups import Group, group_runs
 from jointsdf.values import LabelledMesh, Shape
 
 HEADS = ("relu", "siren", "hybrid")
@@ -40,7 +40,7 @@ def rows(study: str = "main") -> list[ResultRow]:
 
 @pytest.fixture
 def group() -> Group:
-    (only,) = split(collect(rows()))
+    (only,) = group_runs(collect(rows()))
     return only
 
 
@@ -51,7 +51,7 @@ def texts(figure: Figure) -> set[str]:
 
 def points(figure: Figure, panel: int, head: str) -> list[tuple[float, float]]:
     """What is drawn in the marker of a head."""
-    marker = look(head, HEADS)["marker"]
+    marker = head_style(head, HEADS)["marker"]
     lines = [line for line in figure.axes[panel].lines if line.get_marker() == marker and line.get_markersize() < 6]
     return [(float(x), float(y)) for line in lines for x, y in line.get_xydata()]
 
@@ -102,7 +102,7 @@ def test_time_quality_leaves_out_the_labels_of_a_baseline_without_any() -> None:
     flat = [
         replace(row, head="none", scores={"unit": row.scores["unit"] | bare}) for row in rows() if row.head == "relu"
     ]
-    (group,) = split(collect([*rows(), *flat]))
+    (group,) = group_runs(collect([*rows(), *flat]))
     drawing = time_quality(group)
     assert drawing is not None
     large = [line.get_xydata()[0] for line in drawing.figure.axes[1].lines if line.get_markersize() > 6]
@@ -120,23 +120,25 @@ def test_part_count_has_a_mean_in_each_range(group: Group) -> None:
 
 
 def test_what_no_run_has_is_no_figure() -> None:
-    (bare,) = split(collect([make_row("relu"), make_row("siren")]))
+    (bare,) = group_runs(collect([make_row("relu"), make_row("siren")]))
     assert [plot(bare) for plot in (metric_comparison, error_scatter, time_quality, part_count)] == [None] * 4
 
 
 def test_missing_values_are_not_drawn_as_zero() -> None:
     made = [make_row("relu", f"abc_{k}", cd_l1=value) for k, value in enumerate((0.5, math.nan, 0.7))]
-    (one,) = split(collect(made))
+    (one,) = group_runs(collect(made))
     drawing = metric_comparison(one)
     assert drawing is not None
     assert [y for _, y in points(drawing.figure, 0, "relu")] == [0.5, 0.7]
 
 
 def test_heads_look_the_same_everywhere_and_differ_in_colour_and_marker() -> None:
-    assert look("siren", ["siren"]) == look("siren", ["none", "relu", "siren", "mine"])
+    assert head_style("siren", ["siren"]) == head_style("siren", ["none", "relu", "siren", "mine"])
     seven = ["none", "relu", "siren", "hybrid", "deep_skip", "mine", "yours"]
     assert (
-        len({look(head, seven)["color"] for head in seven}) == len({look(head, seven)["marker"] for head in seven}) == 7
+        len({head_style(head, seven)["color"] for head in seven})
+        == len({head_style(head, seven)["marker"] for head in seven})
+        == 7
     )
     assert len(COLOURS) == len(MARKERS)
 
@@ -203,7 +205,7 @@ def test_parts_are_matched_to_those_that_they_cover() -> None:
 
 def test_errors_are_distances_in_shares_of_the_longest_side() -> None:
     longer = pair(labelled(scale=1.1))
-    ends = np.abs(meshes.centres(longer.predicted)[:, 0]) > 1.09
+    ends = np.abs(meshes.centroids(longer.predicted)[:, 0]) > 1.09
     assert longer.error[ends] == pytest.approx(0.1 / 2)
     assert longer.error[~ends].max() <= 0.1 / 2 + 1e-9
     assert longer.missed.max() == pytest.approx(0.1 / 2)
@@ -257,7 +259,7 @@ def test_failures_are_the_worst_runs_with_heat_maps(group: Group, monkeypatch: p
 
 
 def test_heat_is_light_for_no_error_and_dark_for_much() -> None:
-    light, dark = pictures._heat(np.array([0.0, 1.0]))
+    light, dark = pictures.heat_colours(np.array([0.0, 1.0]))
     assert to_hex(light / 255) == "#ffffcc"
     assert light.sum() > 2 * dark.sum()
 
