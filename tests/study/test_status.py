@@ -1,53 +1,32 @@
-"""What `python -m jointsdf.study status` shows of a study, and the rows that `results` keeps."""
+"""What `python -m jointsdf.study status` shows of a study."""
 
-import logging
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from study_rows import ROW
+from study_rows import answer_of, place_of, write_finished
 
 from jointsdf.runs import status as run_state
-from jointsdf.runs.row import ResultRow, write_row
+from jointsdf.runs.lock import lock
 from jointsdf.study.__main__ import main as study
-
-
-def place(outputs: Path, head: str, shape: str, seed: int = 0, variant: str = "base") -> Path:
-    return outputs / "main" / variant / head / shape / f"seed{seed}"
-
-
-def done(outputs: Path, head: str, shape: str, **where: int | str) -> ResultRow:
-    folder = place(outputs, head, shape, **where)
-    named = {"study": "main", "head": head, "shape": shape, **where}
-    row = replace(ROW, seconds={"fit": 80.0, "total": 100.0}, **named)
-    write_row(folder, row)
-    return row
-
-
-def shown(caplog: pytest.LogCaptureFixture, *arguments: str) -> list[str]:
-    caplog.clear()
-    with caplog.at_level(logging.INFO):
-        assert study(arguments) == 0
-    return "\n".join(caplog.messages).splitlines()
 
 
 def test_every_kind_of_run_at_a_glance(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     heads, shapes = ("relu", "siren"), ("abc_0001", "abc_0002", "abc_0003", "abc_0004")
-    folders = {(shape, head): place(tmp_path, head, shape) for shape in shapes for head in heads}
+    folders = {(shape, head): place_of(tmp_path, head, shape) for shape in shapes for head in heads}
     run_state.plan(tmp_path / "main", folders.values())
-    done(tmp_path, "relu", "abc_0001")
-    done(tmp_path, "siren", "abc_0001")
+    write_finished(tmp_path, "relu", "abc_0001")
+    write_finished(tmp_path, "siren", "abc_0001")
     run_state.fail(folders["abc_0002", "relu"], "loss is nan", ValueError("loss is nan"))
     run_state.begin(folders["abc_0002", "siren"])
     run_state.note_progress(folders["abc_0002", "siren"], 5, 20, 1.0)
-    done(tmp_path, "relu", "abc_0003")
+    write_finished(tmp_path, "relu", "abc_0003")
     (folders["abc_0003", "relu"] / "result.json").write_text("{")
     running, measuring = folders["abc_0003", "siren"], folders["abc_0004", "relu"]
     with lock(running, wait=False), lock(measuring, wait=False):
         for folder, step in ((running, 150), (measuring, 600)):
             run_state.begin(folder)
             run_state.note_progress(folder, step, 600, 40.0)
-        lines = shown(caplog, "status", "main", str(tmp_path))
+        lines = answer_of(caplog, "status", "main", str(tmp_path))
     assert lines[0] == (
         f"{tmp_path / 'main'}: 8 runs: 2 done, 2 running, 1 failed, 1 damaged, 1 stopped, 1 missing; "
         "about 8 min left, one after the other"
@@ -68,8 +47,8 @@ def test_every_kind_of_run_at_a_glance(tmp_path: Path, caplog: pytest.LogCapture
 def test_a_grid_for_each_variant_and_a_column_for_each_seed(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     for variant in ("tap=1", "tap=2"):
         for seed in (0, 1):
-            done(tmp_path, "siren", "part_01", variant=variant, seed=seed)
-    lines = shown(caplog, "status", "main", str(tmp_path))
+            write_finished(tmp_path, "siren", "part_01", variant=variant, seed=seed)
+    lines = answer_of(caplog, "status", "main", str(tmp_path))
     assert lines[0].endswith("4 runs: 4 done")
     assert lines[1:] == [
         *("", "tap=1    siren seed0  siren seed1", "part_01  done         done"),
