@@ -39,7 +39,7 @@ from jointsdf.training.module import JointSDFModule
 from jointsdf.training.random_state import seeded
 from jointsdf.training.settings import FitSettings, Objective
 from jointsdf.values import UNMOVED, Normalisation, Shape
-from jointsdf.viewing.render import compare
+from jointsdf.viewing.render import render_comparison
 
 STAND_IN_PARTS = np.arange(2)  # of a field that is built for its checks alone
 
@@ -266,7 +266,7 @@ def preview(cfg: DictConfig, shape: Shape, measures: Measures) -> Callable[[Summ
         truth=shape.mesh,
         protocol=Protocol("preview", 5000, "truth", measures.protocols[cfg.evaluation.primary].metrics),
         settings=settings,
-        picture=partial(compare, captions=captions, width=320, height=240),
+        picture=partial(render_comparison, captions=captions, width=320, height=240),
     )
 
 

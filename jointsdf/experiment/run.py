@@ -35,7 +35,7 @@ from jointsdf.training.hardware import freed_memory_kept, peak_memory_mb, reset_
 from jointsdf.training.matrix_products import matmul_restored, use_matmul
 from jointsdf.values import LabelledMesh, Normalisation, Shape
 from jointsdf.viewing.export import write_mesh
-from jointsdf.viewing.render import compare, write_png
+from jointsdf.viewing.render import render_comparison, write_png
 
 log = logging.getLogger(__name__)
 
@@ -272,7 +272,7 @@ def show(
     """`preview.png` and the run's last TensorBoard entries."""
     made_by = f"{cfg.recipe}, head {cfg.head.name}, {resolution}^3"
     tell(0, 2, "preview.png")
-    picture = compare(shape.mesh, mesh, captions=(f"{shape.name}: ground truth", made_by))
+    picture = render_comparison(shape.mesh, mesh, captions=(f"{shape.name}: ground truth", made_by))
     write_png(folder / "preview.png", picture)
     tell(1, facts="TensorBoard")
     settings = {"recipe": cfg.recipe, "head": cfg.head.name, "shape": shape.name, "seed": cfg.seed}

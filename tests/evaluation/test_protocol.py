@@ -49,8 +49,8 @@ def small(name: str, points: int = 2000) -> dict[str, Protocol]:
 
 
 def scores(predicted: LabelledMesh, truth: LabelledMesh, ceiling=None, name="unit", points=2000) -> dict[str, float]:
-    judge = GroundTruth(truth, small(name, points))
-    return judge.scores(predicted)[name] | judge.companions(ceiling)[name]
+    reference = GroundTruth(truth, small(name, points))
+    return reference.scores(predicted)[name] | reference.references(ceiling)[name]
 
 
 TRUTH, OFF = block(), block(labels_split=0.2, size=1.02)
@@ -187,7 +187,7 @@ def test_metric_leaves_the_samples_alone(metric):
     metric(predicted, truth)
 
 
-def test_metric_has_the_companions_that_it_names(metric):
+def test_metric_has_the_columns_that_it_asks_references_of(metric):
     truth = unit_samples(TRUTH, 1)
     assert {*getattr(metric, "floors", ()), *getattr(metric, "ceilings", ())} <= metric(truth, truth).keys()
 
@@ -300,10 +300,10 @@ def test_bad_settings_are_one_line():
 
 def test_floors_run_only_for_the_metrics_that_ask():
     protocol = {"p": Protocol(name="p", points=100, frame="own", metrics={"a": Chamfer(), "b": ExactLabels()})}
-    judge = GroundTruth(TRUTH, protocol)
-    assert judge.scores(TRUTH)["p"].keys() == {"cd_l1", "cd_l2", "miou_exact", "acc_exact"}
-    companions = {"cd_l1_floor", "cd_l2_floor", "miou_exact_ceiling", "acc_exact_ceiling"}
-    assert judge.companions(TRUTH)["p"].keys() == companions
+    reference = GroundTruth(TRUTH, protocol)
+    assert reference.scores(TRUTH)["p"].keys() == {"cd_l1", "cd_l2", "miou_exact", "acc_exact"}
+    expected = {"cd_l1_floor", "cd_l2_floor", "miou_exact_ceiling", "acc_exact_ceiling"}
+    assert reference.references(TRUTH)["p"].keys() == expected
 
 
 @pytest.mark.skipif("JOINTSDF_ABC" not in os.environ, reason="JOINTSDF_ABC does not name a folder of ABC shapes")
@@ -313,7 +313,7 @@ def test_floors_of_a_real_shape_are_in_the_known_range():
     labels = np.load(folder / "patches.npy").astype(np.int64)
     shape = LabelledMesh(np.array(mesh.vertices), np.array(mesh.faces), labels)
     truth = GroundTruth(shape, {"unit": PROTOCOLS["unit"]})
-    found = truth.companions(None)["unit"] | truth.scores(shape)["unit"]
+    found = truth.references(None)["unit"] | truth.scores(shape)["unit"]
     assert 0.155 <= found["cd_l1_floor"] <= 0.780
     assert found["f1_floor"] == pytest.approx(0.775, abs=0.2)
     assert found["acc_floor"] == pytest.approx(0.977, abs=0.02)

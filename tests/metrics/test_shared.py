@@ -11,7 +11,8 @@ from sklearn.metrics import accuracy_score, confusion_matrix, jaccard_score
 from surface_samples import EMPTY, NO_SAMPLES, cloud, cube, labelled, score
 
 from jointsdf.evaluation.protocol import sample_surface
-from jointsdf.metrics import confusion, label_scores, match, project
+from jointsdf.metrics import confusion_matrix as count_confusion
+from jointsdf.metrics import label_scores, match, project
 from jointsdf.metrics.boundary import Boundary
 from jointsdf.metrics.chamfer import Chamfer
 from jointsdf.metrics.consistency import Consistency
@@ -53,7 +54,7 @@ def test_label_scores_equal_scikit_learn():
     part_ids = np.array([0, 3, 4, 17, 20])  # 20 is in neither; 5 is predicted only
     true = rng.choice([-1, 0, 3, 4, 17], 4000)
     predicted = np.where(rng.random(4000) < 0.6, true, rng.choice([-1, 0, 3, 5, 17], 4000))
-    counts = confusion(true, predicted, part_ids)
+    counts = count_confusion(true, predicted, part_ids)
     iou, acc = label_scores(counts)
     kept = true >= 0
     reference = (true[kept], predicted[kept])
