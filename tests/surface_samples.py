@@ -2,11 +2,11 @@
 
 import numpy as np
 import trimesh
+from labelled_meshes import EMPTY
 
 from jointsdf.evaluation.protocol import sample_surface
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
-EMPTY = LabelledMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64))
 NO_SAMPLES = sample_surface(EMPTY, 10, 0)
 
 

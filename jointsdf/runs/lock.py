@@ -53,7 +53,7 @@ def _acquire(file: IO[str], folder: Path, wait: bool) -> None:
 
 
 def _is_at(path: Path, file: IO[str]) -> bool:
-    """Whether the open file is the one at the path."""
+    """True if the open file is the one at the path."""
     try:
         return os.path.samestat(path.stat(), os.fstat(file.fileno()))
     except FileNotFoundError:
@@ -61,7 +61,7 @@ def _is_at(path: Path, file: IO[str]) -> bool:
 
 
 def is_locked(folder: Path) -> bool:
-    """Whether a process holds the lock of a run folder."""
+    """True if a process holds the lock of a run folder."""
     try:
         with (folder / LOCK).open() as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -112,7 +112,7 @@ def planned_runs(study: Path) -> list[Path]:
 def duration(seconds: float) -> str:
     """Format a length of time.
 
-    >>> [duration(seconds) for seconds in (40, 720, 11_100)]
+    >>> [duration(seconds) for seconds in (40.0, 720.0, 11_100.0)]
     ['40 s', '12 min', '3:05 h']
     """
     minutes = round(seconds / 60)

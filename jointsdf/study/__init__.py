@@ -1,1 +1,1 @@
-"""Studies: result rows -> tables, figures, a document, status. Only `figures` and its command need torch."""
+"""Studies: result rows -> tables, figures, a document, status. No torch outside `figures`."""

@@ -57,7 +57,7 @@ def groups_with_own_tables(groups: Sequence[Group], related: Sequence[Family]) -
 
 
 def _covers(family: Group, group: Group) -> bool:
-    """Whether the family's group has every run of one of its variants' groups."""
+    """True if the family's group has every run of one of its variants' groups."""
     alike = all(family.key[name] == group.key[name] for name in GROUP if name != "variant")
     arms = {_arm(head, group.key["variant"]) for head in set(group.runs["head"]) - {BASELINE}}
     return alike and arms <= set(family.runs["head"])

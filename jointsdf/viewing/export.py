@@ -66,7 +66,7 @@ def tensorboard_mesh(
 
 
 def fits_tensorboard(mesh: LabelledMesh) -> bool:
-    """Whether `tensorboard_mesh` takes the mesh."""
+    """True if TensorBoard can show the mesh; see `tensorboard_mesh`."""
     return len(np.unique(_corners(mesh))) <= TENSORBOARD_VERTICES
 
 

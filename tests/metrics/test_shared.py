@@ -7,8 +7,9 @@ import weakref
 import numpy as np
 import pytest
 import trimesh
+from labelled_meshes import EMPTY
 from sklearn.metrics import accuracy_score, confusion_matrix, jaccard_score
-from surface_samples import EMPTY, NO_SAMPLES, cloud, cube, labelled, score
+from surface_samples import NO_SAMPLES, cloud, cube, labelled, score
 
 from jointsdf.evaluation.protocol import sample_surface
 from jointsdf.metrics import confusion_matrix as count_confusion

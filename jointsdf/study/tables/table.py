@@ -80,7 +80,7 @@ def summarise_metrics(runs: pd.DataFrame, metrics: Sequence[str]) -> list[Summar
 
 
 def has_values(lines: Mapping[str, Sequence[Summary]]) -> bool:
-    """Whether any summary has a value."""
+    """True if any summary has a value."""
     return any(summary.n for line in lines.values() for summary in line)
 
 
@@ -107,5 +107,5 @@ def summary_numbers(metrics: Sequence[str], line: Sequence[Summary]) -> dict[str
 
 
 def has_incomplete_means(lines: Mapping[str, Sequence[Summary]], out_of: int) -> bool:
-    """Whether some mean is over fewer shapes than its line."""
+    """True if some mean is over fewer shapes than its line."""
     return any(summary.n < out_of for line in lines.values() for summary in line if summary.n)
