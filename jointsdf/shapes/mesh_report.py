@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from jointsdf.geometry.mesh import area_uniform, face_areas, face_normals
+from jointsdf.geometry.mesh import face_areas, face_normals
 from jointsdf.geometry.rays import ray_lengths
+from jointsdf.geometry.sampling import sample_by_area
 from jointsdf.geometry.topology import count_components
 from jointsdf.values import UNLABELLED, LabelledMesh, Shape
 
@@ -116,7 +117,7 @@ def mesh_report(shape: Shape) -> MeshReport:
     order = np.argsort(-part_areas, kind="stable")
     vertices, size = _in_box(mesh)
     corners = vertices[mesh.faces]
-    points, faces = area_uniform(vertices, mesh.faces, areas, SAMPLES, np.random.default_rng(0))
+    points, faces = sample_by_area(vertices, mesh.faces, areas, SAMPLES, np.random.default_rng(0))
     normals = face_normals(vertices, mesh.faces)[faces]
     inward, outward = _reach(corners, points, -normals), _reach(corners, points, normals)
     near = (inward < CONTACT) | (outward < CONTACT)

@@ -13,8 +13,6 @@ from torchmetrics.functional.classification import multiclass_jaccard_index
 
 from jointsdf.errors import InputError
 from jointsdf.evaluation.protocol import sample_surface
-from jointsdf.geometry.mesh import border_edges
-from jointsdf.geometry.topology import topology
 from jointsdf.metrics import confusion, label_scores, match, project
 from jointsdf.metrics.boundary import Boundary, points_along
 from jointsdf.metrics.chamfer import Chamfer
@@ -343,35 +341,6 @@ def test_meshes_without_border():
     assert score(Boundary(), two, one)["boundary_f1"] == 0.0
 
 
-def test_border_edges_of_a_cube_are_its_twelve_edges():
-    mesh = cube()
-    normals = np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2)))
-    sides = np.unique(normals.round(6), axis=0, return_inverse=True)[1].reshape(-1)
-    edges = border_edges(LabelledMesh(mesh.vertices, mesh.faces, sides))
-    assert len({tuple(edge) for edge in edges}) == len(edges) == 12
-    np.testing.assert_allclose(np.linalg.norm(np.diff(mesh.vertices[edges], axis=1), axis=2), 1.0)
-    kept = np.where(sides == 0, -1, sides)  # borders with an unlabelled side are none
-    assert len(border_edges(LabelledMesh(mesh.vertices, mesh.faces, kept))) == 8
-
-
-def test_border_edges_equal_a_search_edge_by_edge():
-    ball = trimesh.creation.icosphere(subdivisions=2)
-    labels = np.random.default_rng(3).choice([-1, 2, 5, 9], len(ball.faces), p=[0.1, 0.7, 0.1, 0.1])
-    sides: dict[tuple[int, int], set[int]] = {}
-    for face, label in zip(ball.faces.tolist(), labels.tolist(), strict=True):
-        for a, b in zip(face, face[1:] + face[:1], strict=True):
-            sides.setdefault((min(a, b), max(a, b)), set()).add(label)
-    wanted = sorted(list(edge) for edge, met in sides.items() if len(met - {-1}) > 1)
-    assert border_edges(LabelledMesh(np.array(ball.vertices), np.array(ball.faces), labels)).tolist() == wanted
-
-
-def test_boundary_edge_of_three_faces_is_found_whatever_their_order():
-    fan = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
-    vertices = np.random.default_rng(0).random((5, 3))
-    for labels in ([1, 1, 2], [1, 2, 1], [2, 1, 1]):
-        assert border_edges(LabelledMesh(vertices, fan, np.array(labels))).tolist() == [[0, 1]]
-
-
 def test_points_along_edges_are_even_and_carry_the_length():
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0.0004, 0], [1, 0.0004, 0]])
     mesh = LabelledMesh(vertices, np.zeros((0, 3), int), np.zeros(0, int))
@@ -385,32 +354,12 @@ def test_points_along_edges_are_even_and_carry_the_length():
 # Pieces, holes, volume
 
 
-@pytest.mark.parametrize(
-    ("mesh", "components", "euler"),
-    [
-        (trimesh.creation.box(), 1, 2),
-        (trimesh.creation.torus(1.0, 0.3), 1, 0),
-        (trimesh.creation.icosphere() + trimesh.creation.box().apply_translation((9, 0, 0)), 2, 4),
-    ],
-    ids=["box", "torus", "two"],
-)
-def test_topology_of_known_solids(mesh, components, euler):
-    found = topology(labelled(mesh))
-    assert (found["components"], found["euler"]) == (components, euler)
-    assert found["volume"] == pytest.approx(mesh.volume, rel=1e-9)
-
-
 def test_topology_is_reported_for_both_meshes_and_sees_orientation():
     inside_out = LabelledMesh(cube().vertices, cube().faces[:, ::-1].copy(), cube().labels)
     found = score(Topology(), inside_out, labelled(trimesh.creation.torus(1.0, 0.3)))
     assert found["volume"] == pytest.approx(-1.0)
     assert (found["components"], found["euler"], found["components_gt"], found["euler_gt"]) == (1, 2, 1, 0)
     assert found["volume_gt"] == pytest.approx(2 * np.pi**2 * 0.09, rel=0.05)
-
-
-def test_unused_vertices_do_not_count():
-    mesh = cube()
-    assert topology(LabelledMesh(np.r_[[[9.0, 9, 9]], mesh.vertices], mesh.faces + 1, mesh.labels)) == topology(mesh)
 
 
 # Nothing to measure

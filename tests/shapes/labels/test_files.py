@@ -2,30 +2,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from solids import strip
 
 from jointsdf.errors import InputError
-from jointsdf.geometry.mesh import face_areas
 from jointsdf.shapes.labels.files import numbered_by_area, read
-from jointsdf.values import LabelledMesh
-
-
-def strip(widths: list, labels: list[int], height: float = 1.0) -> LabelledMesh:
-    """Rectangles side by side in the plane, two faces each, one label per rectangle."""
-    x = np.concatenate([[0.0], np.cumsum(widths)])
-    vertices = np.stack([np.repeat(x, 2), np.tile([0.0, height], len(x)), np.zeros(2 * len(x))], axis=1)
-    first = 2 * np.arange(len(widths))[:, None]
-    faces = np.concatenate([first + np.array(face) for face in ([0, 2, 1], [2, 3, 1])], axis=1).reshape(-1, 3)
-    return LabelledMesh(vertices, faces, np.repeat(labels, 2))
 
 
 def per_rectangle(labels: np.ndarray) -> list[int]:
     assert (labels[::2] == labels[1::2]).all()
     return labels[::2].tolist()
-
-
-def test_areas_of_a_strip() -> None:
-    mesh = strip([2, 1, 4, 3], [7, 5, 5, -1], height=3.0)
-    np.testing.assert_allclose(face_areas(mesh), [3, 3, 1.5, 1.5, 6, 6, 4.5, 4.5])
 
 
 def test_numbers_fall_with_area_and_keep_unlabelled() -> None:
