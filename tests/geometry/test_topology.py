@@ -45,6 +45,12 @@ def test_one_shared_vertex_connects_two_faces() -> None:
     assert count_components(np.array([[0, 1, 2], [2, 3, 4], [5, 6, 7]])) == 2
 
 
+def test_a_vertex_without_a_face_is_no_component() -> None:
+    faces = np.array([[1, 2, 3], [7, 9, 8]])
+    assert sorted(face_components(faces).tolist()) == [0, 1]
+    assert count_components(faces) == 2
+
+
 def test_no_faces_have_no_components() -> None:
     assert face_components(NO_FACES).tolist() == []
     assert count_components(NO_FACES) == 0
