@@ -18,7 +18,7 @@ from jointsdf.shapes.labels import partfield
 from jointsdf.shapes.labels.face_matching import match_faces
 from jointsdf.shapes.readers import abc_features as features
 from jointsdf.shapes.readers import mesh_file as file
-from jointsdf.shapes.segmentation.hierarchy import hierarchy
+from jointsdf.shapes.segmentation.hierarchy import build_hierarchy
 from jointsdf.values import UNLABELLED, LabelledMesh
 
 Labels = tuple[Int[ndarray, " f"], str]
@@ -82,7 +82,7 @@ def brep(shape: UnlabelledShape) -> Labels:
 def geometric(shape: UnlabelledShape) -> Labels:
     """Parts by the mesh's geometry; B-rep patches, where known, are never mixed before they are whole."""
     patches = None if shape.written.has_polygons else _patches(shape)
-    found = hierarchy(shape.solid, None if patches is None else patches[shape.kept])
+    found = build_hierarchy(shape.solid, None if patches is None else patches[shape.kept])
     labels = found.cut(shape.num_parts if shape.num_parts is not None else shape.usual_parts)
     return labels, f"geometric:k={labels.max() + 1}"
 
