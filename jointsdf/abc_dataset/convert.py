@@ -17,9 +17,9 @@ from jointsdf.geometry.ply import binary_ply
 from jointsdf.geometry.topology import face_components
 from jointsdf.runs.files import write_atomically
 from jointsdf.shapes.abc import CatalogueEntry
-from jointsdf.shapes.readers import abc_features as features
-from jointsdf.shapes.readers import mesh_file as file
 from jointsdf.shapes.readers import step
+from jointsdf.shapes.readers.abc_features import read_features
+from jointsdf.shapes.readers.mesh_file import read_content, read_mesh
 from jointsdf.values import UNLABELLED
 
 METRES = (0.001, 0.01, 0.0254, 0.3048, 1.0)  # per mm, cm, inch, foot, metre
@@ -95,14 +95,14 @@ def read_surface(paths: Sequence[Path]) -> Surface:
     """Read the files of one model, in the file's units."""
     mesh = paths[0]
     if mesh.suffix.lower() in step.SUFFIXES:
-        solid = step.read(mesh, file.content(mesh))
+        solid = step.read_step(mesh, read_content(mesh))
         return Surface(solid.vertices, solid.faces, solid.patches)
-    found = file.read(mesh)
+    found = read_mesh(mesh)
     if len(paths) == 1:
         return Surface(found.vertices, found.faces, None)
     if found.has_polygons:
         raise InputError(f"{mesh} has polygons, ABC's own have triangles: it is not the mesh of {paths[1].name}")
-    patches = features.read(paths[1], len(found.faces), len(found.vertices)).patches
+    patches = read_features(paths[1], len(found.faces), len(found.vertices)).patches
     return Surface(found.vertices, found.faces, patches)
 
 

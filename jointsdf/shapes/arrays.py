@@ -51,14 +51,14 @@ def from_arrays(
             called,
             FileMesh(points, triangles, False, digest),
             mesh,
-            solid.kept,
+            solid.source_faces,
             num_parts=num_parts,
             partfield_dir=partfield_dir,
             needed=False,
         )
         found, provider = provide(labels, unlabelled)
     else:
-        found, provider = _labels(labels, len(triangles))[solid.kept], "array"
+        found, provider = _labels(labels, len(triangles))[solid.source_faces], "array"
     dropped = len(triangles) - len(solid.faces)
     return Shape(
         called, replace(mesh, labels=found), digest, provider, solid.watertight, flipped=solid.flipped, dropped=dropped
