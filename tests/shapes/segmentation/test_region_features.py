@@ -42,6 +42,16 @@ def test_a_concave_crease_and_the_wall_of_a_hole_are_seen() -> None:
     np.testing.assert_allclose(found.areas.sum(), 1.0)
     [crease] = np.flatnonzero(found.concave > 0.9)
     ends = centres[found.pairs[crease]]
-    assert {int(round(value, 3)) for value in (ends[:, 0].min(), ends[:, 2].min())} == {2}
+    np.testing.assert_allclose([ends[:, 0].min(), ends[:, 2].min()], 2, atol=1e-5)  # wall and foot
     hole = int(np.argmin(np.linalg.norm(centres - (6, 2, 1), axis=1)))
     assert found.hollow[hole] == found.hollow.max() > 0.9
+
+
+def test_the_flat_bottom_of_a_pit_is_hollow_and_the_top_around_it_is_not() -> None:
+    part = Construction()
+    part.add("block", box((0, 0, 0), (10, 10, 10)))
+    part.cut("pit", box((4, 4, 3), (6, 6, 11)))
+    found, centres = features(part.mesh())
+    bottom, top = (int(np.argmin(np.linalg.norm(centres - place, axis=1))) for place in ((5, 5, 3), (5, 5, 10)))
+    assert found.hollow[bottom] > 0.9
+    assert found.hollow[top] < 0.05
