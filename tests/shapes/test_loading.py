@@ -76,5 +76,5 @@ def test_real_shape_loads_with_the_catalogue_facts(name: str, caplog: pytest.Log
 def test_fewer_than_two_parts_are_refused(tmp_path: Path, count: int) -> None:
     path = put(tmp_path, "a.ply", exported("ply"))
     for shape in (path, "part_01", "abc_0001"):
-        with pytest.raises(InputError, match=f"num_parts={count}: give an integer of at least 2"):
+        with pytest.raises(InputError, match=f"num_parts={count}: give an integer, at least 2"):
             load(shape, num_parts=count)

@@ -128,7 +128,7 @@ def test_without_the_reader_the_line_says_how_to_get_it(monkeypatch: pytest.Monk
 @pytest.mark.parametrize("options", [{"step_tolerance": 0.0}, {"step_tolerance": 2.0}, {"step_angle": -0.1}])
 def test_tolerances_are_checked(tmp_path: Path, options: dict[str, float]) -> None:
     name, value = next(iter(options.items()))
-    with pytest.raises(InputError, match=f"{name}={value}: give"):
+    with pytest.raises(InputError, match=f"tessellation.{name.removeprefix('step_')}={value}: give a number, from"):
         load(put(tmp_path, "a.step", BOX), **options)
 
 
