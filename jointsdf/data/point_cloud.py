@@ -10,7 +10,8 @@ from scipy.spatial import KDTree
 
 from jointsdf.errors import require_integer
 from jointsdf.geometry.face_graph import face_graph, smooth_regions
-from jointsdf.geometry.mesh import area_uniform, face_areas, face_normals, near_borders
+from jointsdf.geometry.mesh import face_areas, face_normals
+from jointsdf.geometry.sampling import sample_by_area, sample_near_borders
 from jointsdf.values import BOX, UNLABELLED, LabelledMesh, Normalisation
 
 POOL_SCALES = (-3.0, -1.0)  # log10 of the narrowest and widest near-surface noise of the pool, network length units
@@ -83,15 +84,15 @@ class Cloud:
             border_points: Points near part borders, beyond `count`; none where the mesh has no border.
         """
         areas = face_areas(mesh)
-        points, faces = area_uniform(mesh.vertices, mesh.faces, areas, count, stream(seed, CLOUD))
+        points, faces = sample_by_area(mesh.vertices, mesh.faces, areas, count, stream(seed, CLOUD))
         centre = points.mean(axis=0)
         normalisation = Normalisation(centre, float(np.abs(points - centre).max()))
         drawn = [(points, faces)]
         if region_points:
             shares = areas / np.sqrt(region_areas(mesh, areas))
-            drawn.append(area_uniform(mesh.vertices, mesh.faces, shares, region_points, stream(seed, REGIONS)))
+            drawn.append(sample_by_area(mesh.vertices, mesh.faces, shares, region_points, stream(seed, REGIONS)))
         if border_points:
-            drawn.append(near_borders(mesh, border_points, stream(seed, BORDERS)))
+            drawn.append(sample_near_borders(mesh, border_points, stream(seed, BORDERS)))
         points, faces = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
         labels = np.where(
             mesh.labels[faces] == UNLABELLED, UNLABELLED, np.searchsorted(mesh.part_ids, mesh.labels[faces])

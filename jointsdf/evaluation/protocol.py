@@ -10,7 +10,8 @@ import numpy as np
 
 from jointsdf.errors import InputError
 from jointsdf.geometry.caching import cached_by_identity
-from jointsdf.geometry.mesh import area_uniform, face_areas, face_normals
+from jointsdf.geometry.mesh import face_areas, face_normals
+from jointsdf.geometry.sampling import sample_by_area
 from jointsdf.metrics import Metric
 from jointsdf.values import UNMOVED, LabelledMesh, Normalisation, SurfaceSamples
 
@@ -157,6 +158,6 @@ def sample_surface(mesh: LabelledMesh, count: int, seed: int, frame: Normalisati
     nothing = SurfaceSamples(mesh, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), frame)
     if mesh.is_empty:
         return nothing
-    points, faces = area_uniform(mesh.vertices, mesh.faces, _areas(mesh), count, np.random.default_rng(seed))
+    points, faces = sample_by_area(mesh.vertices, mesh.faces, _areas(mesh), count, np.random.default_rng(seed))
     normals = face_normals(mesh.vertices.astype(np.float64), mesh.faces[faces])
     return SurfaceSamples(mesh, frame.forward(points), normals, faces, frame) if normals.any() else nothing

@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from jointsdf.geometry.caching import cached_by_identity
-from jointsdf.geometry.distance import ClosestPoint, in_space_order
+from jointsdf.geometry.distance import ClosestPoint, spatial_order
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
 
@@ -65,7 +65,7 @@ def match(predicted: SurfaceSamples, truth: SurfaceSamples) -> Matching:
 
 
 def _nearest(points: Float[ndarray, "n 3"], among: SurfaceSamples) -> tuple[Float[ndarray, " n"], Int[ndarray, " n"]]:
-    order = in_space_order(points)
+    order = spatial_order(points)
     distances, nearest = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
     distances[order], nearest[order] = among.tree.query(points[order], workers=-1)
     return distances, nearest

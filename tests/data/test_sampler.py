@@ -7,45 +7,12 @@ import numpy as np
 import pytest
 import torch
 from clouds import COUNTS, in_file_units, same_samples, sampler_of
-from scipy.stats import chisquare, kstest
+from scipy.stats import kstest
 
-from jointsdf.data.point_cloud import Cloud, stream
+from jointsdf.data.point_cloud import Cloud
 from jointsdf.data.sampler import SHELL_NEIGHBOUR, Sampler
 from jointsdf.errors import InputError
-from jointsdf.geometry.mesh import area_uniform, face_normals
 from jointsdf.values import BOX, LabelledMesh, Shape
-
-
-def test_area_uniform_meets_faces_in_proportion_to_their_area() -> None:
-    rng = np.random.default_rng(0)
-    vertices = rng.normal(size=(30, 3))
-    faces = rng.permutation(30).reshape(10, 3)
-    faces = np.concatenate([faces, [[4, 4, 9]]])  # a face without area is never met
-    corners = vertices[faces]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    _, chosen = area_uniform(vertices, faces, areas, 20000, stream(0, 0))
-    counts = np.bincount(chosen, minlength=11)
-    assert counts[10] == 0
-    assert chisquare(counts[:10], 20000 * areas[:10] / areas.sum()).pvalue > 0.01
-
-
-def test_area_uniform_fills_a_triangle_evenly() -> None:
-    vertices = np.array([[0.0, 0, 0], [2.0, 0, 0], [0, 3.0, 0]])
-    points, _ = area_uniform(vertices, np.array([[0, 1, 2]]), np.ones(1), 20000, stream(0, 0))
-    s, t = points[:, 0] / 2, points[:, 1] / 3
-    assert (points[:, 2] == 0).all()
-    assert s.min() >= 0
-    assert t.min() >= 0
-    assert (s + t).max() <= 1 + 1e-12
-    quarter = np.select([s > 0.5, t > 0.5, s + t < 0.5], [0, 1, 2], 3)  # the four congruent triangles
-    assert chisquare(np.bincount(quarter)).pvalue > 0.01
-    assert kstest(s, lambda x: 1 - (1 - np.clip(x, 0, 1)) ** 2).pvalue > 0.01
-
-
-def test_face_normals_follow_the_winding() -> None:
-    vertices = np.array([[0.0, 0, 0], [2.0, 0, 0], [0, 3.0, 0]])
-    normals = face_normals(vertices, np.array([[0, 1, 2], [0, 2, 1], [0, 0, 1]]))
-    np.testing.assert_array_equal(normals, [[0, 0, 1], [0, 0, -1], [0, 0, 0]])
 
 
 def test_counts_and_types_of_a_step(box_shape: Shape) -> None:
