@@ -16,7 +16,7 @@ from unittest import mock
 
 from jointsdf.experiment import build
 from jointsdf.experiment import run as experiment
-from jointsdf.viewing.render import compare
+from jointsdf.viewing.render import render_comparison
 
 ROOT = Path(__file__).parents[1]
 QUICK = (  # a run of about two seconds; the mesh is worthless
@@ -54,7 +54,7 @@ class Answer:
 def call(script: str, *arguments: object) -> Answer:
     """`python <script> <arguments>` in this process and working directory."""
     written = io.StringIO()
-    thumbnail = partial(compare, width=96, height=72)  # pictures are most of a quick run's time
+    thumbnail = partial(render_comparison, width=96, height=72)  # pictures are most of a quick run's time
     handler = logging.StreamHandler(written)
     root, quieted, phases = (
         logging.getLogger(name) for name in (None, "jointsdf.extraction.extractor", "jointsdf.phases")
@@ -71,7 +71,7 @@ def call(script: str, *arguments: object) -> Answer:
             stack.enter_context(contextlib.redirect_stderr(written))
             stack.enter_context(warnings.catch_warnings())
             for module in (build, experiment):
-                stack.enter_context(mock.patch.object(module, "compare", thumbnail))
+                stack.enter_context(mock.patch.object(module, "render_comparison", thumbnail))
             warnings.simplefilter("default")
             runpy.run_path(sys.argv[0], run_name="__main__")
     except SystemExit as stop:

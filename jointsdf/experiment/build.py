@@ -29,7 +29,7 @@ from jointsdf.extraction.extractor import Extraction
 from jointsdf.extraction.resolution import LADDER, resolution_for
 from jointsdf.geometry.mesh import relative_area
 from jointsdf.model.field import JointField
-from jointsdf.runs import folder as run_folder
+from jointsdf.runs.fingerprint import fingerprint_of
 from jointsdf.shapes.loading import LabelRequest
 from jointsdf.shapes.readers.step import Tessellation
 from jointsdf.shapes.stored import load_configured, shape_identity
@@ -39,7 +39,7 @@ from jointsdf.training.module import JointSDFModule
 from jointsdf.training.random_state import seeded
 from jointsdf.training.settings import FitSettings, Objective
 from jointsdf.values import UNMOVED, Normalisation, Shape
-from jointsdf.viewing.render import compare
+from jointsdf.viewing.render import render_comparison
 
 STAND_IN_PARTS = np.arange(2)  # of a field that is built for its checks alone
 
@@ -131,7 +131,7 @@ def resolve_settings(cfg: DictConfig, shape: Shape, rate: float) -> tuple[dict[s
     if settings["partfield_dir"] is not None:
         settings["partfield_dir"] = str(Path(str(settings["partfield_dir"])).expanduser().resolve())
     settings["paths"]["abc_root"] = str(Path(cfg.paths.abc_root).expanduser().resolve())
-    fingerprint = run_folder.identity(settings, **shape_identity(shape))
+    fingerprint = fingerprint_of(settings, **shape_identity(shape))
     if rate == 1:  # a limit that the shape does not reach decides nothing
         del fingerprint["trainer"]["full_rate_area"]
     return settings, fingerprint
@@ -139,7 +139,7 @@ def resolve_settings(cfg: DictConfig, shape: Shape, rate: float) -> tuple[dict[s
 
 def shared_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
     """The part of the resolved config that all runs of one table share, whatever their head, shape and seed."""
-    return {key: value for key, value in run_folder.identity(settings).items() if key not in ("head", "shape", "seed")}
+    return {key: value for key, value in fingerprint_of(settings).items() if key not in ("head", "shape", "seed")}
 
 
 def trunk_rate(cfg: DictConfig, shape: Shape, cloud: Callable[[], Cloud]) -> float:
@@ -266,7 +266,7 @@ def preview(cfg: DictConfig, shape: Shape, measures: Measures) -> Callable[[Summ
         truth=shape.mesh,
         protocol=Protocol("preview", 5000, "truth", measures.protocols[cfg.evaluation.primary].metrics),
         settings=settings,
-        picture=partial(compare, captions=captions, width=320, height=240),
+        picture=partial(render_comparison, captions=captions, width=320, height=240),
     )
 
 

@@ -25,7 +25,7 @@ from jointsdf.runs import folder as run_folder
 from jointsdf.runs import status
 from jointsdf.runs.lock import lock
 from jointsdf.runs.provenance import code_state, provenance
-from jointsdf.runs.reuse import known_row
+from jointsdf.runs.reuse import find_reusable_row
 from jointsdf.runs.row import Fact, ResultRow, config_hash, write_row
 from jointsdf.shapes.mesh_report import MeshReport, mesh_report
 from jointsdf.shapes.stored import stored_truth
@@ -35,7 +35,7 @@ from jointsdf.training.hardware import freed_memory_kept, peak_memory_mb, reset_
 from jointsdf.training.matrix_products import matmul_restored, use_matmul
 from jointsdf.values import LabelledMesh, Normalisation, Shape
 from jointsdf.viewing.export import write_mesh
-from jointsdf.viewing.render import compare, write_png
+from jointsdf.viewing.render import render_comparison, write_png
 
 log = logging.getLogger(__name__)
 
@@ -205,7 +205,7 @@ def find_row(
         log.info("%s holds this run's result already; force=true runs it again", folder)
         status.end(folder)
     elif cfg.reuse and not cfg.force:
-        row = known_row(config_hash(fingerprint), folder, Path(cfg.paths.outputs), Path(cfg.paths.results))
+        row = find_reusable_row(config_hash(fingerprint), folder, Path(cfg.paths.outputs), Path(cfg.paths.results))
         if row:
             _keep_row(row, folder, settings, fingerprint, wait=wait)
     if row:
@@ -245,7 +245,7 @@ def extract(field: JointField, measures: build.Measures, *, refine: bool) -> tup
 
     extraction = measures.extraction
     extraction, surface = refine_until_stable(extraction, sdf) if refine else (extraction, extraction.surface(sdf))
-    mesh = extraction.labelled(surface, field.network_part, field.normalisation)
+    mesh = extraction.label_faces(surface, field.network_part, field.normalisation)
     return replace(measures, extraction=extraction), mesh
 
 
@@ -272,7 +272,7 @@ def show(
     """`preview.png` and the run's last TensorBoard entries."""
     made_by = f"{cfg.recipe}, head {cfg.head.name}, {resolution}^3"
     tell(0, 2, "preview.png")
-    picture = compare(shape.mesh, mesh, captions=(f"{shape.name}: ground truth", made_by))
+    picture = render_comparison(shape.mesh, mesh, captions=(f"{shape.name}: ground truth", made_by))
     write_png(folder / "preview.png", picture)
     tell(1, facts="TensorBoard")
     settings = {"recipe": cfg.recipe, "head": cfg.head.name, "shape": shape.name, "seed": cfg.seed}
@@ -328,7 +328,7 @@ def measure_again(folder: Path) -> tuple[ResultRow, Scores]:
     """
     with phase("load", str(folder)):
         settings, shape = stored_truth(folder)
-        cfg, row = OmegaConf.create(settings), run_folder.stored_row(folder)
+        cfg, row = OmegaConf.create(settings), run_folder.read_result(folder)
     field = JointField.load(folder / run_folder.FIELD)
     resolution = row.provenance["resolution"]
     assert isinstance(resolution, int), "a row without its grid"

@@ -82,7 +82,7 @@ class Sweep(Callback):
         if len(active_sweep.wanted) < len(folders):
             what = f"{len(folders)} runs share {len(active_sweep.wanted)} folders"
             log.warning("%s: name what differs in variant=, e.g. 'variant=tap=${trunk.tap}'", what)
-        done = Counter(status.state(folder).kind for folder in active_sweep.wanted)["done"]
+        done = Counter(status.read_state(folder).kind for folder in active_sweep.wanted)["done"]
         log.info("%d runs wanted, %d of them finished before", len(active_sweep.wanted), done)
 
 
@@ -101,7 +101,7 @@ def run_one(cfg: DictConfig, *, wait_for_others: bool = False) -> float | None:
     try:
         build.check_config(cfg)
         folder = build.folder_of(cfg)
-        before = status.state(folder)
+        before = status.read_state(folder)
         if before.killed_twice:
             raise InputError(f"its process was killed twice at step {before.step}: is memory short?")
         with _quiet(), run_named(f"{cfg.head.name} {cfg.shape}"):
@@ -142,7 +142,7 @@ def sum_up() -> int:
         return 0
     kinds: Counter[str] = Counter()
     for folder in sweep.wanted:
-        state = status.state(folder)
+        state = status.read_state(folder)
         kinds[state.kind] += 1
         if state.kind == "failed":
             log.error("failed: %s: %s", folder, state.error)
@@ -201,8 +201,8 @@ def _quiet() -> Iterator[None]:
 
 def _progress(folder: Path) -> str:
     """The sweep so far, e.g. `[12/200, 1 failed, 3:10 h left]`; without the time in a process that drives no sweep."""
-    wanted = active_sweep.wanted or status.planned(folder.parents[3])
-    kinds = Counter(status.state(folder).kind for folder in wanted)
+    wanted = active_sweep.wanted or status.planned_runs(folder.parents[3])
+    kinds = Counter(status.read_state(folder).kind for folder in wanted)
     new = sum(_finished_since(folder, active_sweep.started) for folder in active_sweep.wanted)
     open_ = len(wanted) - kinds["done"] - kinds["failed"]
     parts = [f"{kinds['done']}/{len(wanted)}"]

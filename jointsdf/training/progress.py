@@ -10,7 +10,7 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 
 from jointsdf.phases import tell
-from jointsdf.runs.status import report
+from jointsdf.runs.status import note_progress
 from jointsdf.training.checkpoints import TrainingClock
 
 TELL_SECONDS, REPORT_SECONDS = 0.2, 5.0
@@ -70,5 +70,5 @@ class StatusFile(Callback):
             self._tell(trainer)
 
     def _tell(self, trainer: Trainer) -> None:
-        report(self.folder, trainer.global_step, trainer.max_steps, self.clock.seconds)
+        note_progress(self.folder, trainer.global_step, trainer.max_steps, self.clock.seconds)
         self.told_at = time.monotonic()
