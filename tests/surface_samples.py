@@ -3,6 +3,7 @@
 import numpy as np
 import trimesh
 from labelled_meshes import EMPTY
+from solids import labelled
 
 from jointsdf.evaluation.protocol import sample_surface
 from jointsdf.values import LabelledMesh, SurfaceSamples
@@ -24,11 +25,6 @@ def cloud(points, labels=None, normals=None) -> SurfaceSamples:
 def directions(rng, count):
     vectors = rng.normal(size=(count, 3))
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
-def labelled(mesh: trimesh.Trimesh, labels=None) -> LabelledMesh:
-    labels = np.zeros(len(mesh.faces), dtype=np.int64) if labels is None else np.asarray(labels)
-    return LabelledMesh(np.array(mesh.vertices), np.array(mesh.faces), labels)
 
 
 def cube(shift=(0.0, 0.0, 0.0), labels=None) -> LabelledMesh:

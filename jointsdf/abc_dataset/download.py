@@ -142,10 +142,10 @@ def _append_missing(chunk: Chunk, part: Path, progress: Progress, timeout: float
 def _parse_extent(answer: http.client.HTTPResponse) -> tuple[int, int | None]:
     """First byte of the file that an answer holds, and the file's size (None where the server does not give it)."""
     if answer.status == 206:
-        said = re.fullmatch(r"bytes (\d+)-\d+/(\d+|\*)", answer.headers.get("Content-Range", ""))
-        if not said:
+        extent = re.fullmatch(r"bytes (\d+)-\d+/(\d+|\*)", answer.headers.get("Content-Range", ""))
+        if not extent:
             raise ConnectionError("the server's answer does not say which part of the file it is")
-        return int(said[1]), None if said[2] == "*" else int(said[2])
+        return int(extent[1]), None if extent[2] == "*" else int(extent[2])
     length = answer.headers.get("Content-Length", "")
     return 0, int(length) if length.isdecimal() else None
 

@@ -105,3 +105,9 @@ def test_non_manifold_edges_take_the_winding_number(tmp_path: Path, caplog: pyte
         "not watertight (3 of 20 edges do not have exactly two faces): the sign comes from the winding" in caplog.text
     )
     assert len(shape.mesh.part_ids) >= 2, "parts by geometry all the same"
+
+
+def test_faces_know_their_place_among_the_given_ones() -> None:
+    faces = np.insert(np.array(BOX.faces), [1, 4], [BOX.faces[0], [3, 3, 5]], axis=0)  # repeated, degenerate
+    solid = repair.repair_mesh("it", np.array(BOX.vertices), faces)
+    np.testing.assert_array_equal(solid.source_faces, np.delete(np.arange(14), [1, 5]))

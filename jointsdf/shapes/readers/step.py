@@ -107,9 +107,9 @@ def _run_worker(path: Path, data: bytes, tessellation: Tessellation) -> dict[str
     script = str(Path(__file__).with_name("step_worker.py"))
     command = [sys.executable, "-P", script, str(tessellation.tolerance), str(tessellation.angle)]
     done = subprocess.run(command, input=data, capture_output=True, check=False)
-    said = re.sub(r"\x1b\[[\d;]*m", "", done.stderr.decode("utf-8", errors="replace"))
+    messages = re.sub(r"\x1b\[[\d;]*m", "", done.stderr.decode("utf-8", errors="replace"))
     if done.returncode > 0:
-        last = (said.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+        last = (messages.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         raise InputError(f"{path} cannot be tessellated: {last}")
     if done.returncode < 0:
         raise InputError(
@@ -117,7 +117,7 @@ def _run_worker(path: Path, data: bytes, tessellation: Tessellation) -> dict[str
         )
     if not done.stdout:
         raise InputError(f"{path} is damaged or holds no surface: nothing could be read from it; export it again")
-    if "Fails Count" in said:
+    if "Fails Count" in messages:
         logger.warning("%s: damaged in places (syntax or references): some surfaces may be missing", path)
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
         return dict(arrays)

@@ -31,7 +31,7 @@ def bisect_regions(
         smallest: Least area of a piece.
 
     Returns:
-        The new regions, and for each cut the region that kept its number and the new one.
+        The new regions, and for each cut the region that keeps its number and the new one.
     """
     weights = coo_array((np.maximum(lengths, TINY), tuple(pairs.T)), shape=(len(regions), len(regions))).tocsr()
     pieces = regions.copy()
