@@ -14,8 +14,7 @@ from functools import cache, partial
 from pathlib import Path
 from unittest import mock
 
-from jointsdf.experiment import build
-from jointsdf.experiment import run as experiment
+from jointsdf.experiment import result, tensorboard
 from jointsdf.viewing.render import compare
 
 ROOT = Path(__file__).parents[1]
@@ -70,7 +69,7 @@ def call(script: str, *arguments: object) -> Answer:
             stack.enter_context(contextlib.redirect_stdout(written))
             stack.enter_context(contextlib.redirect_stderr(written))
             stack.enter_context(warnings.catch_warnings())
-            for module in (build, experiment):
+            for module in (tensorboard, result):
                 stack.enter_context(mock.patch.object(module, "compare", thumbnail))
             warnings.simplefilter("default")
             runpy.run_path(sys.argv[0], run_name="__main__")

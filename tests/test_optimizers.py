@@ -6,7 +6,7 @@ import torch
 from numpy.polynomial import Polynomial
 
 from jointsdf.errors import InputError
-from jointsdf.optimizers import ITERATIONS, Muon, MuonAdam, orthogonalised
+from jointsdf.optimizers import ITERATIONS, Muon, MuonAdam, orthogonalise
 from jointsdf.training.matrix_products import Products
 
 SHAPES = [(3, 20, 20), (1, 30, 12), (2, 12, 30)]
@@ -30,7 +30,7 @@ def test_the_singular_values_alone_change_and_each_by_the_polynomials(
     shape: tuple[int, int, int], iterations: str
 ) -> None:
     given = matrices(shape)
-    found = orthogonalised(given, ITERATIONS[iterations])
+    found = orthogonalise(given, ITERATIONS[iterations])
     for matrix, turned in zip(given, found, strict=True):
         u, s, vh = np.linalg.svd(matrix.numpy(), full_matrices=False)
         expected = u * applied(iterations, s / np.linalg.norm(s)) @ vh
@@ -46,8 +46,8 @@ def test_the_result_is_near_the_polar_factor(iterations: str) -> None:
     given = torch.linalg.qr(matrices((1, 20, 20)))[0] * torch.linspace(0.1, 1, 20, dtype=torch.float64)
     u, s, vh = torch.linalg.svd(given)
     assert float((s / s.norm()).min()) > least
-    cosine = (orthogonalised(given, ITERATIONS[iterations]) * (u @ vh)).sum() / np.sqrt(20)
-    assert cosine / orthogonalised(given, ITERATIONS[iterations]).norm() > 0.98
+    cosine = (orthogonalise(given, ITERATIONS[iterations]) * (u @ vh)).sum() / np.sqrt(20)
+    assert cosine / orthogonalise(given, ITERATIONS[iterations]).norm() > 0.98
 
 
 @pytest.mark.parametrize("iterations", ["four", "three"])
@@ -65,9 +65,9 @@ def test_each_polynomial_is_the_best_of_its_degree_on_what_the_one_before_leaves
 def test_matrices_do_not_mix_and_a_zero_one_stays() -> None:
     given = matrices((4, 20, 20))
     given[2] = 0
-    found = orthogonalised(given, ITERATIONS["five"])
+    found = orthogonalise(given, ITERATIONS["five"])
     for k in range(4):
-        alone = orthogonalised(given[k : k + 1], ITERATIONS["five"])[0]
+        alone = orthogonalise(given[k : k + 1], ITERATIONS["five"])[0]
         torch.testing.assert_close(found[k], alone, rtol=0, atol=1e-13)
     assert not found[2].any()
 
@@ -75,8 +75,8 @@ def test_matrices_do_not_mix_and_a_zero_one_stays() -> None:
 @pytest.mark.parametrize("dtype", [None, torch.bfloat16], ids=str)
 def test_the_precision_is_the_one_that_is_asked_for(dtype: torch.dtype | None) -> None:
     given = matrices((2, 64, 64)).float()
-    exact = orthogonalised(given.double(), ITERATIONS["five"])
-    found = orthogonalised(given, ITERATIONS["five"], dtype)
+    exact = orthogonalise(given.double(), ITERATIONS["five"])
+    found = orthogonalise(given, ITERATIONS["five"], dtype)
     error = float((found - exact).norm() / exact.norm())
     assert found.dtype == torch.float32
     assert error < 1e-5 if dtype is None else 1e-3 < error < 5e-2
@@ -91,7 +91,7 @@ def test_matrices_of_several_shapes_and_none_without_a_gradient_move() -> None:
     for parameter in parameters[:-1]:
         assert parameter.grad is not None
         tall = max(1.0, parameter.shape[0] / parameter.shape[1]) ** 0.5
-        expected = -0.1 * tall * orthogonalised(parameter.grad[None] * 0.75, ITERATIONS["five"])[0]
+        expected = -0.1 * tall * orthogonalise(parameter.grad[None] * 0.75, ITERATIONS["five"])[0]
         torch.testing.assert_close(parameter.data, expected, rtol=1e-4, atol=1e-6)
     assert not parameters[-1].any()
 

@@ -11,6 +11,7 @@ from conftest import BOX_PARTS
 
 from jointsdf.errors import InputError
 from jointsdf.model import field as module
+from jointsdf.model import query
 from jointsdf.model.field import JointField
 from jointsdf.model.heads import HEADS
 from jointsdf.model.query import OutsideBoxWarning
@@ -237,7 +238,7 @@ def test_a_distance_alone_runs_no_head_and_keeps_no_record(
 ) -> None:
     field = small_field("siren", normalisation=NORMALISATION).eval()
     monkeypatch.setattr(field.head, "forward", lambda _: pytest.fail("the head was run"))
-    monkeypatch.setattr(module, "evaluate", lambda *_, **__: pytest.fail("a record was kept"))
+    monkeypatch.setattr(query, "evaluate", lambda *_, **__: pytest.fail("a record was kept"))
     assert field.query(file_points(), what="sdf").sdf.shape == (60,)
 
 

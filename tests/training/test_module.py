@@ -69,8 +69,8 @@ class Stepped(JointSDFModule):
     def global_step(self) -> int:
         return self.at
 
-    def report(self, numbers: Mapping[str, Tensor]) -> None:
-        self.logged = {**self.logged, **{name: value.item() for name, value in numbers.items()}}
+    def log_scalars(self, scalars: Mapping[str, Tensor]) -> None:
+        self.logged = {**self.logged, **{name: value.item() for name, value in scalars.items()}}
 
 
 def samples_of(count: int = 24, seed: int = 0) -> Samples:
