@@ -90,6 +90,16 @@ def train(outputs: Path, *overrides: str) -> Answer:
     return call("train.py", *flags, *QUICK, f"paths.outputs={outputs}", *overrides[len(flags) :])
 
 
+def assert_one_line_error(answer: Answer, *named: str) -> None:
+    """One line that names the value and the fix; warnings about the mesh may come before it."""
+    assert answer.code == 2, answer.text
+    assert "Traceback" not in answer.text
+    errors = [line for line in answer.lines if line.startswith("error: ")]
+    assert errors == answer.lines[-1:], answer.text
+    for name in named:
+        assert name in errors[0], errors[0]
+
+
 @cache
 def finished() -> Path:
     """The folder of a finished quick run, for all tests of the session; they only read it."""
