@@ -111,7 +111,7 @@ def first_resolution(cfg: DictConfig, wall: float) -> int:
 
 
 def knows_mesh(cfg: DictConfig) -> bool:
-    """Whether the run uses more of the mesh than points and labels."""
+    """True if the run uses more of the mesh than points and labels."""
     return bool(cfg.data.distances == "mesh")
 
 

@@ -36,7 +36,7 @@ from jointsdf.viewing.export import write_mesh
 
 log = logging.getLogger(__name__)
 
-CACHE_DIR = ".companions"  # below the outputs: reference scores by shape and grid
+CACHE_DIR = ".companions"  # below the outputs; caches reference scores by shape and grid
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,7 @@ def run_one(cfg: DictConfig, *, wait_for_others: bool = False) -> float | None:
         with log_levels(dict.fromkeys(RUN_LOGGERS, logging.ERROR)), run_named(f"{cfg.head.name} {cfg.shape}"):
             row = run.run(cfg, wait=wait_for_others or not active_sweep.wanted)
     except Busy:
-        log.info("%s: another process works on it; it is looked at again in the end", folder)
+        log.info("%s: another process works on it; it is tried again at the end", folder)
         active_sweep.postponed.append(cfg)
         return None
     except Exception as error:  # the other runs go on, whatever it is
@@ -182,6 +182,6 @@ def _progress(folder: Path) -> str:
 
 
 def _finished_since(folder: Path, moment: float) -> bool:
-    """Whether the folder's row was made here since then; a row copied from another study comes without a field."""
+    """True if the folder's row was made here since then; a row copied from another study comes without a field."""
     row = folder / ROW_FILE
     return (folder / FIELD).is_file() and row.is_file() and row.stat().st_mtime >= moment

@@ -24,7 +24,7 @@ def cosine(argument: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
 
 
 def _by_numpy(argument: Tensor) -> bool:
-    """Whether numpy is faster: on one core half of torch's time in float32, with an error of 7e-8 instead of 4e-8."""
+    """True if numpy is faster: on one core half of torch's time in float32, with an error of 7e-8 instead of 4e-8."""
     return argument.dtype is torch.float32 and not argument.is_cuda and torch.get_num_threads() <= FEW_THREADS
 
 

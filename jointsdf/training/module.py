@@ -75,7 +75,7 @@ class JointSDFModule(LightningModule):
 
     @property
     def is_logged_step(self) -> bool:
-        """Whether this step's scalars are logged."""
+        """True if this step's scalars are logged."""
         return (self.global_step + 1) % self.settings.log_every == 0
 
     def log_scalars(self, scalars: Mapping[str, Tensor]) -> None:

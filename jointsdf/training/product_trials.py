@@ -45,7 +45,7 @@ class Trial:
     ratios: tuple[float, ...]
 
     def passed(self, max_error: float) -> bool:
-        """Whether the alternative is accurate enough and was faster in every repeat."""
+        """True if the alternative is accurate enough and was faster in every repeat."""
         return self.error < max_error and len(self.ratios) == REPEATS and min(self.ratios) >= MIN_SPEEDUP
 
 
@@ -75,7 +75,7 @@ def choose_by_trials(capabilities: Mapping[str, Any], run_trial: RunTrial) -> tu
 
 
 def emulates_bfloat16(capabilities: Mapping[str, Any]) -> bool:
-    """Whether this processor is known to have no instructions for bfloat16 products.
+    """True if this processor is known to have no instructions for bfloat16 products.
 
     >>> emulates_bfloat16({"architecture": "x86_64", "avx2": True})
     True

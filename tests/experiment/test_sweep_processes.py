@@ -57,7 +57,7 @@ def test_a_lock_keeps_others_out_and_dies_with_its_process(tmp_path, held) -> No
     assert not (folder / ".lock").exists()
 
 
-def test_a_run_of_another_process_is_looked_at_again_in_the_end(tmp_path, held, monkeypatch) -> None:
+def test_a_run_of_another_process_is_tried_again_at_the_end(tmp_path, held, monkeypatch) -> None:
     original = sweep.wait_for_postponed
 
     def other_dies_first() -> None:
@@ -68,7 +68,7 @@ def test_a_run_of_another_process_is_looked_at_again_in_the_end(tmp_path, held, 
     monkeypatch.setattr(sweep, "wait_for_postponed", other_dies_first)
     answer = train(tmp_path, "-m", "head=siren,none")
     assert answer.code == 0, answer.text
-    assert f"{tmp_path / PLACE}: another process works on it; it is looked at again in the end" in answer.lines
+    assert f"{tmp_path / PLACE}: another process works on it; it is tried again at the end" in answer.lines
     assert answer.lines[-1] == "2 runs: 2 done, 0 skipped, 0 failed, 0 missing"
 
 
