@@ -58,4 +58,4 @@ def describe(row: ResultRow, protocols: Mapping[str, Protocol], truth: LabelledM
 
 def files_to_open(folder: Path) -> str:
     """Paths of picture, mesh and scores."""
-    return f"open {folder / 'preview.png'} (picture), mesh.glb (3D viewer), result.json (every number) in the same folder"
+    return f"open {folder / 'preview.png'} (picture), mesh.glb (3D viewer), result.json (every number) beside it"
