@@ -12,7 +12,7 @@ from pathlib import Path
 from benchmarks import extraction, fit, limits, measures, overhead, quality, step
 from benchmarks.table import Row, table
 from jointsdf.runs.provenance import provenance
-from jointsdf.training.matrix_products import machine_kind
+from jointsdf.training.product_choice import machine_kind
 
 RESULTS = Path(__file__).with_name("results.csv")
 BENCHMARKS: dict[str, Callable[[], list[Row]]] = {

@@ -89,7 +89,7 @@ def one_step(module: JointSDFModule, optimizer: torch.optim.Optimizer, samples: 
     weights = module.objective.active_weights(step / module.settings.max_steps)
     terms = {name: module.objective.terms[name] for name in weights}
     optimizer.zero_grad()
-    total(module.evaluate(samples, merged_needs(list(terms.values()))), terms, weights).backward()
+    total(module.evaluate(samples, merged_needs(terms)), terms, weights).backward()
     for part in (module.field.trunk, module.field.head):
         clip_grad_norm_(part.parameters(), module.settings.clip)
     optimizer.step()

@@ -11,8 +11,9 @@ from jointsdf.data.datamodule import ShapeDataModule
 from jointsdf.experiment import build
 from jointsdf.threads import large_pieces
 from jointsdf.training.fit import fit
-from jointsdf.training.matrix_products import Products, chosen
+from jointsdf.training.matrix_products import Products
 from jointsdf.training.module import JointSDFModule
+from jointsdf.training.product_choice import choose_products
 from jointsdf.values import LabelledMesh, Shape
 
 CONF = Path(__file__).parents[1] / "conf"
@@ -52,4 +53,4 @@ def fitted(cfg: DictConfig, mesh: LabelledMesh | None = None) -> tuple[Shape, Jo
 
 def measured(cfg: DictConfig, module: JointSDFModule) -> Products:
     """How a run's matrices are multiplied on this machine."""
-    return chosen(build.fit_machine(cfg).products, module.sizes)[0]
+    return choose_products(build.fit_machine(cfg).products, module.sizes)[0]

@@ -69,7 +69,7 @@ def weights_of(module: JointSDFModule, *, odw: bool) -> dict[str, float]:
 def our_loss(module: JointSDFModule, samples: Samples, weights: Mapping[str, float]) -> Tensor:
     """The objective as a run evaluates it: terms of weight 0 are not computed."""
     terms = {name: module.objective.terms[name] for name, weight in weights.items() if weight}
-    return total(module.evaluate(samples, merged_needs(list(terms.values()))), terms, weights)
+    return total(module.evaluate(samples, merged_needs(terms)), terms, weights)
 
 
 def released_loss(module: JointSDFModule, samples: Samples, weights: Mapping[str, float]) -> Tensor:

@@ -1,7 +1,7 @@
 """Neural signed distance fields that know their parts: one shared SIREN trunk, one segmentation head, one CAD shape.
 
-The library's face is `load_shape`, `fit` and `load_field`; the names are imported when they are first used, so that
-`import jointsdf` takes no seconds and changes no setting of the process.
+Public functions: `load_shape`, `fit` and `load_field`. They are imported on first use, so that `import jointsdf` is
+fast and changes no setting of the process.
 """
 
 from importlib import import_module
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from jointsdf.errors import InputError
 
 __all__ = ["FittedRun", "InputError", "__version__", "fit", "load_field", "load_shape"]
-FACE = {"FittedRun": "api", "fit": "api", "load_field": "api", "load_shape": "api", "InputError": "errors"}
+MODULES = {"FittedRun": "api", "fit": "api", "load_field": "api", "load_shape": "api", "InputError": "errors"}
 
 try:
     __version__ = version("jointsdf")
@@ -26,10 +26,10 @@ install()
 
 
 def __getattr__(name: str) -> Any:
-    """The public names, imported on first use (PEP 562)."""
-    if name not in FACE:
+    """Import a public name on first use (PEP 562)."""
+    if name not in MODULES:
         raise AttributeError(f"module 'jointsdf' has no attribute {name!r}")
-    return getattr(import_module(f"jointsdf.{FACE[name]}"), name)
+    return getattr(import_module(f"jointsdf.{MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:

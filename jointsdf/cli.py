@@ -1,4 +1,4 @@
-"""The console command `jointsdf` (Click), and what `train.py` and `evaluate.py` do."""
+"""The console command `jointsdf` (Click), and the main functions of `train.py` and `evaluate.py`."""
 
 import logging
 import sys
@@ -14,25 +14,25 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 import jointsdf
-from jointsdf.cli_logging import quiet_libraries, user_errors
+from jointsdf.cli_logging import configure_logging, user_errors
 from jointsdf.errors import InputError
 from jointsdf.experiment import help as help_text
 from jointsdf.experiment import sweep
 from jointsdf.phases import phase
 
 log = logging.getLogger("jointsdf")
-failed: list[str] = []  # errors of this command that the user can mend
+failed: list[str] = []  # messages of this command's errors that the user can correct
 ANY_WORDS = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 
 
 @hydra.main(config_path="conf", config_name="config", version_base="1.3")
 def train(cfg: DictConfig) -> float | None:
-    """One run; a sweeper sees the primary protocol's cd_l1."""
+    """Make one run; returns the primary protocol's cd_l1 to a sweeper."""
     with user_errors(failed):
-        quiet_libraries()
+        configure_logging()
         with phase("start", "torch and lightning"):  # only after Hydra has accepted the command line
             from jointsdf.experiment.run import run
-        quiet_libraries()
+        configure_logging()
         if HydraConfig.get().mode is RunMode.MULTIRUN:
             return sweep.run_one(cfg)
         return run(cfg).scores[cfg.evaluation.primary]["cd_l1"]
@@ -41,12 +41,12 @@ def train(cfg: DictConfig) -> float | None:
 
 @hydra.main(config_path="conf", config_name="evaluate", version_base="1.3")
 def measure_run(cfg: DictConfig) -> None:
-    """Print every score as measured now, and as stored where it differs."""
+    """Measure a finished run again; print every score, and the stored one where it differs."""
     with user_errors(failed):
-        quiet_libraries()
+        configure_logging()
         with phase("start", "torch and lightning"):
-            from jointsdf.experiment.run import measure_again
-        quiet_libraries()  # those that came with it as well
+            from jointsdf.experiment.measurement import measure_again
+        configure_logging()  # loggers that came with it as well
         if OmegaConf.is_missing(cfg, "run"):
             raise InputError("run= is missing; give a finished run's folder: run=outputs/fast/base/siren/part_01/seed0")
         row, scores = measure_again(Path(str(cfg.run)))
@@ -61,19 +61,19 @@ def measure_run(cfg: DictConfig) -> None:
 
 
 def fit() -> int:
-    """`train.py`: one run, or a sweep; its arguments are those of the process.
+    """Main function of `train.py`: one run, or a sweep, by the arguments of the process.
 
     Returns:
-        Exit code: 2 for what the user can mend, 1 for a sweep that is not finished.
+        Exit code: 2 for an error that the user can correct, 1 for a sweep that is not finished.
     """
     if _asks_for_help():
-        click.echo(help_text.of_fit(sys.argv[0]))
+        click.echo(help_text.fit_help(sys.argv[0]))
         return 0
     failed.clear()
-    warnings.filterwarnings("ignore", r"\s*'hydra/launcher/ray' is validated")  # by the plugin's schema: as it should
+    warnings.filterwarnings("ignore", r"\s*'hydra/launcher/ray' is validated")  # by the plugin's schema, as intended
     unfinished = 0
     try:
-        with user_errors(failed):  # an engine that waits for other processes can be stopped, too
+        with user_errors(failed):  # signals also reach an engine that waits for other processes
             train()
             sweep.wait_for_postponed()
     finally:
@@ -82,9 +82,13 @@ def fit() -> int:
 
 
 def evaluate() -> int:
-    """`evaluate.py`: measure a finished run again; the exit code is 2 for what the user can mend."""
+    """Main function of `evaluate.py`: measure a finished run again.
+
+    Returns:
+        Exit code: 2 for an error that the user can correct.
+    """
     if _asks_for_help():
-        click.echo(help_text.of_evaluate(sys.argv[0]))
+        click.echo(help_text.evaluate_help(sys.argv[0]))
         return 0
     failed.clear()
     measure_run()
@@ -108,7 +112,7 @@ def main() -> None:
 
 
 def _command(name: str, help_line: str, run: Callable[[], int]) -> None:
-    """Add a command that reads its own words."""
+    """Add a command that parses its own arguments."""
 
     @main.command(name, context_settings=ANY_WORDS, short_help=help_line, add_help_option=False)
     @click.argument("words", nargs=-1, type=click.UNPROCESSED)
@@ -118,7 +122,7 @@ def _command(name: str, help_line: str, run: Callable[[], int]) -> None:
 
 
 def _main_of(module: str) -> Callable[[], int]:
-    """The `main` of a module, imported when it is asked for."""
+    """Function that imports a module and runs its `main`."""
     return lambda: int(import_module(module).main() or 0)
 
 

@@ -1,26 +1,26 @@
-"""Log lines of the command line: facts, warnings and errors, one line each, told apart at a glance."""
+"""Log lines of commands and of the library's functions, and exit codes of a command's errors."""
 
 import errno
 import logging
 import signal
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from types import FrameType
 
 from rich.text import Text
 
 from jointsdf.errors import InputError
-from jointsdf.phases import console
+from jointsdf.phases import console, no_progress
 
 log = logging.getLogger("jointsdf")
 
 
 class Lines(logging.Handler):
-    """A line of the log on stderr, above a progress bar where there is one; warnings say that they are some."""
+    """Handler that prints log lines on stderr, above a progress bar if there is one."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write it: facts plainly, a warning in yellow, an error in red."""
+        """Print a record: information plainly, a warning in yellow and marked as one, an error in red."""
         message = self.format(record)
         warns = record.levelno == logging.WARNING
         style = "red" if record.levelno > logging.WARNING else "yellow" if warns else ""
@@ -28,45 +28,79 @@ class Lines(logging.Handler):
 
 
 LIGHTNING = ("lightning.pytorch", "lightning.fabric", "lightning")
-OTHERS = ("hydra", "hydra_plugins", "trimesh", "matplotlib", "PIL", "py.warnings", "tensorboard")
+LIBRARIES = (*LIGHTNING, "hydra", "hydra_plugins", "trimesh", "matplotlib", "PIL", "py.warnings", "tensorboard")
+LEVELS = dict.fromkeys(LIBRARIES, logging.ERROR)
+LEVELS["jointsdf.extraction.extractor"] = logging.WARNING  # its other lines would come with every preview
 
 
-def quiet_libraries() -> None:
-    """Log our own lines plainly, and of the libraries' only the errors, from here on: for a command."""
+def configure_logging() -> None:
+    """Show our own lines plainly and the libraries' errors only, for the rest of the process: for a command."""
     logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[Lines()])
     logging.captureWarnings(True)
     for name in LIGHTNING:
         library = logging.getLogger(name)
         library.handlers.clear()
         library.propagate = True
-    for name in (*LIGHTNING, *OTHERS):
-        logging.getLogger(name).setLevel(logging.ERROR)
-    logging.getLogger("jointsdf.extraction.extractor").setLevel(logging.WARNING)  # it speaks for every preview
+    _set_levels(LEVELS)
     warnings.filterwarnings("ignore", module="lightning")
 
 
 @contextmanager
-def library_logs_quiet() -> Iterator[None]:
-    """Within the block the libraries log only their errors, and Lightning warns of nothing: for a function."""
-    before = {logger: logger.level for logger in map(logging.getLogger, (*LIGHTNING, *OTHERS))}
-    extractor = logging.getLogger("jointsdf.extraction.extractor")  # it speaks for every preview
-    before[extractor] = extractor.level
-    with warnings.catch_warnings():
+def silence_libraries() -> Iterator[None]:
+    """Show the libraries' errors only, within the block: for a function of the library."""
+    with warnings.catch_warnings(), log_levels(LEVELS):
         warnings.filterwarnings("ignore", module="lightning")
-        for logger in before:
-            logger.setLevel(logging.WARNING if logger is extractor else logging.ERROR)
+        yield
+
+
+@contextmanager
+def log_to_stderr(quiet: bool) -> Iterator[None]:
+    """Show the package's log lines on stderr within the block, unless the program has handlers.
+
+    Args:
+        quiet: Whether to show neither log lines nor progress.
+    """
+    ours = logging.getLogger("jointsdf")
+    level, handler = ours.level, Lines()
+    adds_handler = not quiet and not ours.hasHandlers()
+    with silence_libraries(), no_progress() if quiet else nullcontext():
+        if adds_handler:
+            ours.addHandler(handler)
+        ours.setLevel(logging.CRITICAL if quiet else min(level or logging.INFO, logging.INFO))
         try:
             yield
         finally:
-            for logger, level in before.items():
-                logger.setLevel(level)
+            ours.removeHandler(handler)
+            ours.setLevel(level)
+
+
+@contextmanager
+def log_levels(levels: Mapping[str, int]) -> Iterator[None]:
+    """Set levels of loggers by name within the block."""
+    before = {name: logging.getLogger(name).level for name in levels}
+    _set_levels(levels)
+    try:
+        yield
+    finally:
+        _set_levels(before)
+
+
+def _set_levels(levels: Mapping[str, int]) -> None:
+    for name, level in levels.items():
+        logging.getLogger(name).setLevel(level)
 
 
 @contextmanager
 def user_errors(failed: list[str]) -> Iterator[None]:
-    """Turn what the user can mend into one line, and note it in `failed`; anything else is a bug and is raised.
+    """Log an error that the user can correct as one line, and add it to `failed`; any other error is a bug and raised.
 
-    Ctrl-C and SIGTERM end the process with one line and the exit code that the shell gives them.
+    Ctrl-C and SIGTERM end the process with one line and the shell's exit code for them.
+
+    Args:
+        failed: Messages of the errors so far.
+
+    Raises:
+        SystemExit: Ctrl-C or SIGTERM.
     """
     previous = signal.signal(signal.SIGTERM, _terminate)
     try:
@@ -85,7 +119,11 @@ def user_errors(failed: list[str]) -> Iterator[None]:
 
 
 def one_line(error: BaseException) -> str | None:
-    """One-line message of an error that the user can mend; None for a bug."""
+    """One-line message of an error that the user can correct; None for a bug.
+
+    >>> one_line(InputError("seed=-1: give an integer, at least 0")), one_line(KeyError("seed"))
+    ('seed=-1: give an integer, at least 0', None)
+    """
     cause: BaseException | None = error
     while cause is not None and not isinstance(cause, InputError | OSError | MemoryError):
         cause = cause.__cause__  # libraries wrap what a component raises

@@ -1,9 +1,9 @@
-"""Errors that a user can mend, as one line, and the checks that raise them. Imports no torch."""
+"""Errors that a user can correct, as one line, and the checks that raise them. Imports no torch."""
 
 import math
 from collections.abc import Collection
 
-LARGEST = 2**31 - 1
+MAX_INTEGER = 2**31 - 1
 
 
 class InputError(ValueError):
@@ -11,22 +11,30 @@ class InputError(ValueError):
 
 
 def first_line(error: BaseException) -> str:
-    """The first line of an error's message, to be quoted in a one-line message."""
+    """First line of an error's message, to be quoted in a one-line message.
+
+    >>> first_line(KeyError())
+    'KeyError'
+    """
     return (str(error).strip() or type(error).__name__).splitlines()[0]
 
 
-def require_integer(key: str, value: object, least: int, most: int = LARGEST, *, word: object = None) -> None:
-    """Refuse what is not a whole number within the limits.
+def require_integer(key: str, value: object, least: int, most: int = MAX_INTEGER, *, word: object = None) -> None:
+    """Refuse all but integers within the limits.
 
     Args:
         key: Name of the value in a config, e.g. `data.cloud_size`.
-        value: What was given.
+        value: The given value.
         least: Smallest accepted value.
         most: Largest accepted value.
-        word: A value accepted beside the numbers, where there is one.
+        word: Another accepted value, if any.
 
     Raises:
-        InputError: Naming key, value and limits.
+        InputError: The message names key, value and limits.
+
+    >>> require_integer("trainer.max_steps", 0, 1)
+    Traceback (most recent call last):
+    jointsdf.errors.InputError: trainer.max_steps=0: give an integer, at least 1
     """
     if word is not None and value == word:
         return
@@ -35,10 +43,10 @@ def require_integer(key: str, value: object, least: int, most: int = LARGEST, *,
 
 
 def require_number(key: str, value: object, low: int | float = -math.inf, high: int | float = math.inf) -> None:
-    """Refuse what is not a finite number from `low` to `high`; the arguments are those of `require_integer`.
+    """Refuse all but finite numbers from `low` to `high`; arguments as of `require_integer`.
 
     Raises:
-        InputError: Naming key, value and limits.
+        InputError: The message names key, value and limits.
     """
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not number or not math.isfinite(value) or not low <= value <= high:  # type: ignore[arg-type, operator]
@@ -46,10 +54,10 @@ def require_number(key: str, value: object, low: int | float = -math.inf, high: 
 
 
 def require_one_of(key: str, value: object, accepted: Collection[object]) -> None:
-    """Refuse what is not among the accepted values.
+    """Refuse all but the accepted values.
 
     Raises:
-        InputError: Naming key, value and what is accepted.
+        InputError: The message names key, value and the accepted values.
     """
     if value not in accepted:
         listed = ", ".join(str(one).lower() if isinstance(one, bool) else str(one) for one in accepted)
@@ -57,6 +65,6 @@ def require_one_of(key: str, value: object, accepted: Collection[object]) -> Non
 
 
 def _limits(low: int | float, high: int | float) -> str:
-    if high in (LARGEST, math.inf):
+    if high in (MAX_INTEGER, math.inf):
         return "finite" if low == -math.inf else f"at least {low:g}"
     return f"from {low:g} to {high:g}"

@@ -1,4 +1,4 @@
-"""Module names of before, which stored configs, scripts and people's fingers still use, as aliases of those of now."""
+"""Aliases for former module names that stored configs and scripts still use."""
 
 import importlib
 import importlib.abc
@@ -7,7 +7,7 @@ import sys
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 
-MOVED = {  # what is below a name has moved with it
+MOVED = {  # former name -> module; submodules included
     "jointsdf.field": "jointsdf.model.field",
     "jointsdf.figures": "jointsdf.study.figures",
     "jointsdf.heads": "jointsdf.model.heads",
@@ -18,7 +18,7 @@ MOVED = {  # what is below a name has moved with it
 
 
 class MovedNames(importlib.abc.MetaPathFinder):
-    """Finds a module under the name that it had before: `jointsdf.field` is the very module `jointsdf.model.field`."""
+    """Finds a module under its former name: `jointsdf.field` is the module object `jointsdf.model.field` itself."""
 
     def find_spec(
         self,
@@ -26,8 +26,8 @@ class MovedNames(importlib.abc.MetaPathFinder):
         path: object,  # noqa: ARG002 (Python's signature)
         target: ModuleType | None = None,  # noqa: ARG002
     ) -> ModuleSpec | None:
-        """The alias, where the name is one."""
-        new = _name_of_now(fullname)
+        """Spec of the alias; None for a name that is none."""
+        new = _current_name(fullname)
         if new is None:
             return None
         spec = importlib.util.find_spec(new)
@@ -41,23 +41,23 @@ class MovedNames(importlib.abc.MetaPathFinder):
 
 
 class _Alias(importlib.abc.Loader):
-    """Hands out the module of another name."""
+    """Loads the module of another name."""
 
     def __init__(self, name: str) -> None:
         self.name = name
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:  # noqa: ARG002 (Python's signature)
-        """The module of now."""
+        """Import the module under its current name."""
         module = importlib.import_module(self.name)
         self.spec = module.__spec__
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        """Nothing to run: only its own spec is put back, which the import system has replaced."""
+        """Restore the module's own spec, which the import system has replaced; there is nothing to execute."""
         module.__spec__ = self.spec
 
 
-def _name_of_now(fullname: str) -> str | None:
+def _current_name(fullname: str) -> str | None:
     for old, new in MOVED.items():
         if fullname == old or fullname.startswith(f"{old}."):
             return new + fullname[len(old) :]
@@ -65,6 +65,6 @@ def _name_of_now(fullname: str) -> str | None:
 
 
 def install() -> None:
-    """Have the names of before imported; once is enough."""
+    """Add the finder to the import system, once."""
     if not any(isinstance(finder, MovedNames) for finder in sys.meta_path):
         sys.meta_path.insert(0, MovedNames())

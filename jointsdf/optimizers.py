@@ -1,4 +1,4 @@
-"""Muon on the trunk's hidden matrices and Adam on the rest, as one optimizer."""
+"""Muon on the trunk's hidden matrices, Adam on the other parameters, as one optimizer."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -15,12 +15,12 @@ from jointsdf.threads import over_threads, workers
 Group = dict[str, Any]
 Polynomial = tuple[float, float, float]  # a, b, c of a x + b x^3 + c x^5
 
-# Odd polynomials, applied in turn, that take singular values in (0, 1] near 1.
+# Newton-Schulz iterations: odd polynomials, applied in turn, that take singular values in (0, 1] near 1.
 ITERATIONS: dict[str, Sequence[Polynomial]] = {
     # Jordan, "Muon" (2024): five times one polynomial steep at 0; singular values above 0.002 end in 0.68 to 1.21.
     "five": ((3.4445, -4.7750, 2.0315),) * 5,
-    # Amsel et al., "The Polar Express" (2025): each the best of its degree on what the one before leaves. Singular
-    # values above 0.003 end in 0.80 to 1.20 with four, above 0.01 in 0.73 to 1.27 with three.
+    # Amsel et al., "The Polar Express" (2025): each the minimax polynomial of its degree on the range of the one
+    # before. Singular values above 0.003 end in 0.80 to 1.20 with four, above 0.01 in 0.73 to 1.27 with three.
     "four": (
         (8.383674, -24.765906, 18.357082),
         (4.043420, -3.011405, 0.569512),
@@ -43,7 +43,10 @@ def parameter_groups(trunk: nn.Module, head: nn.Module, *, head_lr: float | None
     Args:
         trunk: The shared trunk.
         head: The segmentation head.
-        head_lr: Learning rate of the head, where it is not the optimizer's own.
+        head_lr: Learning rate of the head; None for the optimizer's own.
+
+    >>> [group["name"] for group in parameter_groups(nn.Linear(2, 2), nn.Identity())]
+    ['hidden', 'trunk']
     """
     parameters = list(trunk.parameters())
     hidden = [p for p in parameters if p.ndim == 2 and p.shape[0] == p.shape[1]]
@@ -56,21 +59,21 @@ def parameter_groups(trunk: nn.Module, head: nn.Module, *, head_lr: float | None
 class Muon(Optimizer):
     """Momentum orthogonalised by Newton-Schulz iteration (Jordan et al., "Muon", 2024).
 
-    The arithmetic of `torch.optim.Muon` (Nesterov momentum, no weight decay, rates times sqrt(max(1, rows / columns)))
-    but for two things: matrices of one shape are orthogonalised together, and in a precision that is chosen, where
-    torch's takes bfloat16 on every processor.
+    The arithmetic is that of `torch.optim.Muon` (Nesterov momentum, no weight decay, rates times
+    sqrt(max(1, rows / columns))), with two differences: matrices of one shape are orthogonalised together, and the
+    precision is selectable, where torch uses bfloat16 on every processor.
 
     Args:
         params: Matrices.
-        lr: Rate; a step is a near-orthogonal matrix times this.
-        momentum: Share of the running mean of the gradients that stays at each step.
+        lr: Learning rate; a step is a near-orthogonal matrix times this.
+        momentum: Decay of the running mean of the gradients per step.
         iterations: Name in `ITERATIONS`.
 
     Raises:
         InputError: Momentum out of range, or iterations of an unknown name.
 
     Attributes:
-        dtype: Precision of the iteration's matrix products; None: that of the matrices.
+        dtype: Precision of the iteration's matrix products; None for that of the matrices.
     """
 
     def __init__(self, params: Iterable[Any], *, lr: float, momentum: float = 0.95, iterations: str = "five") -> None:
@@ -84,7 +87,7 @@ class Muon(Optimizer):
 
     @torch.no_grad()
     def step(self, closure: Callable[[], Any] | None = None) -> Any:  # noqa: ARG002 (torch's signature)
-        """One step; parameters without a gradient stay."""
+        """Update the parameters that have a gradient."""
         for group in self.param_groups:
             alike: dict[torch.Size, list[tuple[Tensor, Tensor]]] = {}
             for parameter in group["params"]:
@@ -92,41 +95,48 @@ class Muon(Optimizer):
                     ahead = self._lookahead(parameter, parameter.grad, group["momentum"])
                     alike.setdefault(parameter.shape, []).append((parameter, ahead))
             for (rows, columns), moved in alike.items():
-                directions = orthogonalised(torch.stack([ahead for _, ahead in moved]), self.polynomials, self.dtype)
+                directions = orthogonalise(torch.stack([ahead for _, ahead in moved]), self.polynomials, self.dtype)
                 rate = group["lr"] * math.sqrt(max(1.0, rows / columns))
                 for (parameter, _), direction in zip(moved, directions, strict=True):
                     parameter.sub_(direction, alpha=rate)
 
     def _lookahead(self, parameter: Tensor, gradient: Tensor, momentum: float) -> Tensor:
-        """Nesterov's mean of the gradient and the running mean, which takes the gradient in."""
+        """Update the running mean, and return Nesterov's mean of it and the gradient."""
         state = self.state[parameter]
         if "momentum_buffer" not in state:
             state["momentum_buffer"] = torch.zeros_like(parameter)
         return gradient.lerp(state["momentum_buffer"].lerp_(gradient, 1 - momentum), momentum)
 
 
-def orthogonalised(
+def orthogonalise(
     matrices: Float[Tensor, "k r c"], polynomials: Sequence[Polynomial], dtype: torch.dtype | None = None
 ) -> Float[Tensor, "k r c"]:
-    """U p(S / |S|) V^T for each matrix U S V^T, p being the polynomials in turn: near the polar factor U V^T.
+    """Approximate polar factors by Newton-Schulz iteration: U p(S / |S|) V^T near U V^T, for each matrix U S V^T.
 
     Args:
-        matrices: Divided by their Frobenius norms first, so that no singular value is above 1.
-        polynomials: Of the singular values, from `ITERATIONS`.
-        dtype: Precision of the products, where it is not that of the matrices, which the result has.
+        matrices: Any; they are divided by their Frobenius norms first, so that no singular value is above 1.
+        polynomials: p, applied in turn to the singular values, from `ITERATIONS`.
+        dtype: Precision of the products; None for that of the matrices.
+
+    Returns:
+        Matrices of the given shape and precision.
+
+    >>> orthogonalise(torch.diag(torch.tensor([3.0, 2.0]))[None], ITERATIONS["four"]).round(decimals=1)
+    tensor([[[0.9000, 0.0000],
+             [0.0000, 0.8000]]])
     """
     tall = matrices.shape[1] > matrices.shape[2]
     wide = matrices.mT if tall else matrices
     x = (wide / torch.linalg.matrix_norm(wide, keepdim=True).clamp(min=1e-7)).to(dtype or wide.dtype)
 
-    def iterated(part: Tensor) -> Tensor:
+    def iterate(part: Tensor) -> Tensor:
         for a, b, c in polynomials:
             gram = part @ part.mT
             part = torch.baddbmm(part, torch.baddbmm(gram, gram, gram, beta=b, alpha=c), part, beta=a)
         return part
 
     shares = 1 if x.is_cuda else max(1, min(len(x), workers()))
-    found = torch.cat(over_threads(iterated, x.tensor_split(shares))).to(matrices.dtype)
+    found = torch.cat(over_threads(iterate, x.tensor_split(shares))).to(matrices.dtype)
     return found.mT if tall else found
 
 
@@ -135,10 +145,10 @@ class MuonAdam(Optimizer):
 
     Args:
         groups: From `parameter_groups`.
-        lr: Adam's rate.
-        muon_lr: Muon's rate; its steps are near-orthogonal matrices times this.
+        lr: Adam's learning rate.
+        muon_lr: Muon's learning rate.
         momentum: Muon's momentum.
-        iterations: Muon's; a name in `ITERATIONS`.
+        iterations: Muon's iterations, a name in `ITERATIONS`.
 
     Raises:
         InputError: A trunk of one layer, which has no hidden matrix; iterations of an unknown name.
@@ -157,7 +167,7 @@ class MuonAdam(Optimizer):
         self.param_groups = self.muon.param_groups + self.adam.param_groups
 
     def step(self, closure: Callable[[], Any] | None = None) -> Any:
-        """One step of both."""
+        """Step both; the closure is called once, with gradients on."""
         loss = None
         if closure is not None:
             with torch.enable_grad():
@@ -167,14 +177,14 @@ class MuonAdam(Optimizer):
         return loss
 
     def state_dict(self) -> dict[str, Any]:
-        """Both states, as plain values."""
+        """States of both, as plain values."""
         return {"hidden": self.muon.state_dict(), "rest": self.adam.state_dict()}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
         """Restore both; the groups stay shared with the schedulers.
 
         Raises:
-            InputError: A state of the optimizer before, torch's own Muon beside Adam.
+            InputError: The state is that of torch's own Muon with Adam, as version 0.1.0 wrote it.
         """
         if "muon" in state_dict:
             raise InputError(

@@ -1,6 +1,6 @@
-"""Progress of a run: each phase is named as it begins, with a bar on a terminal and a line every half minute elsewhere.
+"""Progress of a run by phases: a line at the start of each, then a bar on a terminal or a line every half minute.
 
-Code within a phase may `tell` how far it is; the work does not depend on it. Imports no torch.
+Code within a phase may `tell` its progress; results do not depend on it. Imports no torch.
 """
 
 import logging
@@ -14,25 +14,25 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-TICK_SECONDS = 30.0  # between two lines of a long phase, where there is no terminal
+TICK_SECONDS = 30.0  # between two lines of a phase without a terminal
 
-log = logging.getLogger(__name__)  # a line a phase
-ticks = logging.getLogger(f"{__name__}.ticks")  # and those of a long one; a sweep silences the former alone
+log = logging.getLogger(__name__)  # starts of phases
+ticks = logging.getLogger(f"{__name__}.ticks")  # progress of long ones, which a sweep shows as well
 ticks.setLevel(logging.INFO)
-console = Console(stderr=True)  # the one that bars and log lines share, so that neither runs through the other
+console = Console(stderr=True)  # shared by bars and log lines, so that neither overwrites the other
 
 
 @dataclass
 class Phase:
-    """A phase under way.
+    """A phase in progress.
 
     Attributes:
         name: One word.
-        done: How much of `total` is done.
-        total: 0 where that is not known.
-        facts: What else there is to say.
-        began: Monotonic seconds.
-        bar: On a terminal.
+        done: Units of work done.
+        total: Units of work in all; 0 where that is not known.
+        facts: Further facts for the line, e.g. a loss.
+        began: Start, monotonic seconds.
+        bar: Progress bar; None without a terminal.
     """
 
     name: str
@@ -43,13 +43,17 @@ class Phase:
     bar: Progress | None = None
 
     def line(self) -> str:
-        """How it stands, in words."""
+        """Progress in one line.
+
+        >>> Phase("fit", 12, 400, "loss 3.1").line()
+        'fit: 12 of 400, loss 3.1, 0 s so far'
+        """
         share = f"{self.done} of {self.total}" if self.total else ""
-        said = [share, self.facts, f"{time.monotonic() - self.began:.0f} s so far"]
-        return f"{_title(self.name)}: {', '.join(part for part in said if part)}"
+        parts = [share, self.facts, f"{time.monotonic() - self.began:.0f} s so far"]
+        return f"{_title(self.name)}: {', '.join(part for part in parts if part)}"
 
     def show(self) -> None:
-        """Move the bar."""
+        """Update the bar."""
         if self.bar is not None:
             (task,) = self.bar.task_ids
             self.bar.update(task, completed=self.done, total=self.total or None, facts=self.facts)
@@ -57,7 +61,7 @@ class Phase:
 
 @dataclass
 class _State:
-    run: str = ""  # names the run, where there are several
+    run: str = ""  # name of the run in a sweep
     silent: bool = False
     now: Phase | None = None
 
@@ -67,7 +71,7 @@ _state = _State()
 
 @contextmanager
 def run_named(name: str) -> Iterator[None]:
-    """Within the block, phases belong to this run of several, e.g. `siren part_01`."""
+    """Prefix phases within the block by the name of their run, e.g. `siren part_01`."""
     before, _state.run = _state.run, name
     try:
         yield
@@ -77,7 +81,7 @@ def run_named(name: str) -> Iterator[None]:
 
 @contextmanager
 def no_progress() -> Iterator[None]:
-    """Within the block phases show neither a bar nor a line of progress."""
+    """Show neither bars nor lines of progress within the block."""
     before, _state.silent = _state.silent, True
     try:
         yield
@@ -87,11 +91,11 @@ def no_progress() -> Iterator[None]:
 
 @contextmanager
 def phase(name: str, what: str = "") -> Iterator[None]:
-    """Name what begins, and show how far it is until the block ends.
+    """Log the start of a phase, and show its progress until the block ends.
 
     Args:
         name: One word.
-        what: What it works on; for the line that says that it begins.
+        what: Input of the phase, for the line at its start.
     """
     before, now = _state.now, Phase(name)
     log.info("%s%s", _title(name), f": {what}" if what else "")
@@ -112,7 +116,13 @@ def phase(name: str, what: str = "") -> Iterator[None]:
 
 
 def tell(done: int | None = None, total: int | None = None, facts: str | None = None) -> None:
-    """Say how far the phase under way is; what is None stays as it was. Without a phase nothing happens."""
+    """Update the progress of the current phase, if there is one; None leaves a value unchanged.
+
+    Args:
+        done: Units of work done.
+        total: Units of work in all.
+        facts: Further facts for the line.
+    """
     if (now := _state.now) is None:
         return
     now.done, now.total = now.done if done is None else done, now.total if total is None else total
@@ -121,7 +131,7 @@ def tell(done: int | None = None, total: int | None = None, facts: str | None = 
 
 
 class _Count(ProgressColumn):
-    """`12/400`, where the total is known."""
+    """Column `12/400`, empty where the total is not known."""
 
     def render(self, task: Task) -> Text:
         return Text("" if task.total is None else f"{task.completed:.0f}/{task.total:.0f}", "progress.download")

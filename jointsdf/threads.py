@@ -1,8 +1,8 @@
-"""Work over points in a few large pieces, one thread each: threads meet once a pass, not once an operation.
+"""Data parallelism over points in a few large pieces, one thread each: threads meet once a pass.
 
-OpenMP's own way, a parallel region for every product and every sine, has all threads wait for the slowest at each, and
-spin while they wait. On a machine that does something else as well the slowest is late every time. Here a thread takes
-a piece through all layers with operations of one thread, and whoever is done takes the next piece.
+OpenMP starts a parallel region for every product and every sine, where all threads spin until the slowest is done; on a
+busy machine the slowest is late every time. Here a thread takes a piece through all layers with operations of one
+thread, and then the next piece.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -15,21 +15,21 @@ from typing import TypeVar
 import torch
 from torch import Tensor
 
-MOST, LEAST = 1300, 250  # points of a piece: more do not stay in cache, fewer are not worth the calls
+MAX_PIECE_POINTS, MIN_PIECE_POINTS = 1300, 250  # more do not stay in cache, fewer are not worth the calls
 
 In = TypeVar("In")
 Out = TypeVar("Out")
-_workers: list[int] = []  # the innermost block's last
+_workers: list[int] = []  # one entry per nested block of `large_pieces`, the innermost last
 
 
 def workers() -> int:
-    """How many threads share the pieces: as many as torch takes for an operation, or took before `large_pieces`."""
+    """Number of threads that share the pieces: torch's threads per operation, within `large_pieces` those before it."""
     return _workers[-1] if _workers else torch.get_num_threads()
 
 
 @contextmanager
 def large_pieces() -> Iterator[None]:
-    """Within the block, operations take one thread, and pieces of work take all that operations took before."""
+    """Within the block, give each operation one thread, and pieces of work all threads that operations had before."""
     before = torch.get_num_threads()
     _workers.append(workers())
     torch.set_num_threads(1)
@@ -41,19 +41,26 @@ def large_pieces() -> Iterator[None]:
 
 
 def pieces(points: Tensor) -> int:
-    """Into how many pieces to cut so many points: as many for each thread; one on a GPU."""
+    """Number of pieces to split the points into: a multiple of the threads where pieces are large enough; 1 on a GPU.
+
+    >>> pieces(torch.zeros(100, 3)), pieces(torch.zeros(0, 3))
+    (1, 1)
+    """
     if points.is_cuda or len(points) == 0:
         return 1
-    count = -(-len(points) // MOST)
-    return max(count, min(-(-count // workers()) * workers(), len(points) // LEAST))
+    count = -(-len(points) // MAX_PIECE_POINTS)
+    return max(count, min(-(-count // workers()) * workers(), len(points) // MIN_PIECE_POINTS))
 
 
 def over_threads(function: Callable[[In], Out], items: Iterable[In]) -> list[Out]:
-    """`[function(item) for item in items]` on all threads, none of them recording gradients.
+    """Parallel `[function(item) for item in items]` on all threads, without recording gradients.
 
     Args:
         function: May call torch; its operations take one thread each.
-        items: In their order; whichever thread is free takes the next.
+        items: Taken in order by the next free thread.
+
+    >>> over_threads(abs, [-1, 2])
+    [1, 2]
     """
     items = list(items)
     with torch.no_grad():
@@ -64,17 +71,17 @@ def over_threads(function: Callable[[In], Out], items: Iterable[In]) -> list[Out
 
 @cache
 def _pool(threads: int) -> ThreadPoolExecutor:
-    """So many waiting threads, each with operations of one thread."""
+    """Make a pool of threads, each with operations of one thread."""
     started, before = Barrier(threads), torch.get_num_threads()
 
-    def alone() -> None:
+    def prepare_thread() -> None:
         torch.set_grad_enabled(False)
-        torch.get_num_threads()  # the first question makes a thread take the process's number, once
+        torch.get_num_threads()  # the first call makes a thread take the process's number, once
         torch.set_num_threads(1)
         started.wait()
 
     pool = ThreadPoolExecutor(threads, "jointsdf")
-    for task in [pool.submit(alone) for _ in range(threads)]:
+    for task in [pool.submit(prepare_thread) for _ in range(threads)]:
         task.result()
-    torch.set_num_threads(before)  # what one thread sets is what later ones begin with
+    torch.set_num_threads(before)  # later threads begin with what one thread sets
     return pool

@@ -1,7 +1,7 @@
 """Every value handed from one stage to the next; read this file first.
 
 Frames: *file* is the mesh file's own units; *network* is the training box, centred on the training cloud's mean and
-divided by its largest absolute coordinate; *unit* is the evaluation box, longest side 1. Every length says which.
+divided by its largest absolute coordinate; *unit* is the evaluation box, longest side 1. Every length names its frame.
 """
 
 import hashlib
@@ -22,22 +22,26 @@ BOX = 1.1  # half side of the training box in the network frame (paper: samples 
 
 @dataclass(frozen=True)
 class Normalisation:
-    """The invertible map between the file frame and another: `(file - centre) / scale`.
+    """Invertible map from the file frame to another: `(file - centre) / scale`.
 
     Attributes:
-        centre: The point of the file frame that becomes the origin, file units.
+        centre: Origin of the other frame, file units.
         scale: File units per unit of the other frame, > 0.
+
+    >>> to_network = Normalisation(np.array([5.0, 0.0, 0.0]), 2.0)
+    >>> to_network.forward(np.array([[7.0, 0.0, 4.0]])).tolist()
+    [[1.0, 0.0, 2.0]]
     """
 
     centre: Float[ndarray, "3"]
     scale: float
 
     def forward(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """File frame -> the other frame."""
+        """Map points of the file frame to the other frame."""
         return (points - self.centre) / self.scale
 
     def inverse(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
-        """The other frame -> file frame."""
+        """Map points of the other frame to the file frame."""
         return points * self.scale + self.centre
 
 
@@ -49,7 +53,7 @@ class LabelledMesh:
     """A triangle mesh with one part label per face. Never modified in place.
 
     Attributes:
-        vertices: Positions; file frame unless the variable's name says otherwise.
+        vertices: Positions; file frame unless the variable's name states another.
         faces: Vertex indices, counter-clockwise seen from outside.
         labels: Original part id of each face, -1 where unlabelled.
     """
@@ -60,12 +64,12 @@ class LabelledMesh:
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is no face at all (the field has no zero level set in the box)."""
+        """True if there is no face (a field without zero level set in the box)."""
         return len(self.faces) == 0
 
     @cached_property
     def part_ids(self) -> Int[ndarray, " k"]:
-        """The distinct labels of the faces, ascending, without -1."""
+        """Distinct labels of the faces, ascending, without -1."""
         ids = np.unique(self.labels)
         return ids[ids != UNLABELLED]
 
@@ -77,11 +81,11 @@ class Shape:
     Attributes:
         name: Catalogue name, or `<stem>-<6 hex digits of the mesh's sha256>` for a path. Names folders and rows.
         mesh: Ground truth in the file frame, original label ids. All labels are -1 where the shape has none.
-        mesh_sha256: Of the mesh file's bytes (of the generated arrays for a built-in part).
-        label_provider: Where the labels came from, e.g. `file:labels.npy`, `brep`, `geometric:k=7`, `builtin`, `none`.
+        mesh_sha256: Hash of the mesh file's bytes (of the generated arrays for a built-in part).
+        label_provider: Source of the labels, e.g. `file:labels.npy`, `brep`, `geometric:k=7`, `builtin`, `none`.
         watertight: Whether every edge has exactly two faces; if not, signs come from the winding number.
-        flipped: Number of the file's faces that were turned over.
-        dropped: Number of the file's faces that were left out: repeated, or without area.
+        flipped: Number of the file's faces whose orientation was reversed.
+        dropped: Number of the file's faces left out: repeated, or without area.
     """
 
     name: str
@@ -94,20 +98,20 @@ class Shape:
 
     @property
     def labels_sha256(self) -> str:
-        """Of the labels themselves, wherever they came from."""
+        """Hash of the labels, whatever their source."""
         return hashlib.sha256(np.ascontiguousarray(self.mesh.labels, dtype="<i8").tobytes()).hexdigest()
 
 
 @dataclass(frozen=True)
 class SurfaceSamples:
-    """Area-uniform points on one surface, for evaluation. One frame for all points that are compared.
+    """Area-uniform points on one surface, for evaluation; all points of a comparison are in one frame.
 
     Attributes:
-        mesh: The surface the points lie on, file frame: what is known of it serves samples in any frame.
+        mesh: The surface, file frame, so that results cached for it serve samples in any frame.
         points: Positions.
         normals: Unit normal of each point's face.
         faces: Index of each point's face in `mesh`.
-        frame: That of the points.
+        frame: File frame -> frame of the points.
     """
 
     mesh: LabelledMesh
@@ -133,12 +137,12 @@ class Samples(NamedTuple):
     Attributes:
         manifold: Points on the surface.
         labels: Class index 0..K-1 of each manifold point, -1 where unlabelled.
-        normals: Unit normal of the surface at each manifold point, 0 where it is not known.
+        normals: Unit normal of the surface at each manifold point, 0 where unknown.
         non_manifold: Points uniform in the box.
         shell: Points near the surface.
         angles: Rotation of each shell point's tangent frame about its normal, radians.
-        pool: Points whose signed distance is known.
-        pool_distances: That distance, negative inside.
+        pool: Points of known signed distance.
+        pool_distances: Signed distance of the pool points, negative inside.
     """
 
     manifold: Float[Tensor, "m 3"]
@@ -153,7 +157,7 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True)
 class FieldValues:
-    """The field at one set of points. What no active term asked for was not computed and is None.
+    """Values of the field at one set of points; None for those that no active term needs.
 
     Attributes:
         sdf: f(x), network length units.
@@ -170,12 +174,12 @@ class FieldValues:
 
 @dataclass(frozen=True)
 class Step:
-    """What one training step evaluated, by the paper's names of the point sets; the input of every loss term.
+    """Values of one training step by the paper's names of the point sets: the input of every loss term.
 
     Attributes:
         fields: Field values at each point set that an active term needs: manifold, non_manifold, shell, pool.
         labels: Class index of each manifold point, -1 where unlabelled.
-        normals: Unit normal of the surface at each manifold point, 0 where it is not known.
+        normals: Unit normal of the surface at each manifold point, 0 where unknown.
         pool_distances: Known signed distance at the pool points, network length units.
     """
 

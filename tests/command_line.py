@@ -14,8 +14,7 @@ from functools import cache, partial
 from pathlib import Path
 from unittest import mock
 
-from jointsdf.experiment import build
-from jointsdf.experiment import run as experiment
+from jointsdf.experiment import result, tensorboard
 from jointsdf.viewing.render import render_comparison
 
 ROOT = Path(__file__).parents[1]
@@ -70,7 +69,7 @@ def call(script: str, *arguments: object) -> Answer:
             stack.enter_context(contextlib.redirect_stdout(written))
             stack.enter_context(contextlib.redirect_stderr(written))
             stack.enter_context(warnings.catch_warnings())
-            for module in (build, experiment):
+            for module in (tensorboard, result):
                 stack.enter_context(mock.patch.object(module, "render_comparison", thumbnail))
             warnings.simplefilter("default")
             runpy.run_path(sys.argv[0], run_name="__main__")
@@ -89,6 +88,16 @@ def train(outputs: Path, *overrides: str) -> Answer:
     """A quick run of train.py, or with `-m` several."""
     flags = overrides[:1] if overrides[:1] == ("-m",) else ()
     return call("train.py", *flags, *QUICK, f"paths.outputs={outputs}", *overrides[len(flags) :])
+
+
+def assert_one_line_error(answer: Answer, *named: str) -> None:
+    """One line that names the value and the fix; warnings about the mesh may come before it."""
+    assert answer.code == 2, answer.text
+    assert "Traceback" not in answer.text
+    errors = [line for line in answer.lines if line.startswith("error: ")]
+    assert errors == answer.lines[-1:], answer.text
+    for name in named:
+        assert name in errors[0], errors[0]
 
 
 @cache

@@ -13,7 +13,7 @@ from benchmarks import extraction, fit, limits, measures, overhead, progress, qu
 from benchmarks.scene import composed
 from benchmarks.table import Row, interleaved, table
 from jointsdf.experiment.run import run
-from jointsdf.optimizers import ITERATIONS, orthogonalised
+from jointsdf.optimizers import ITERATIONS, orthogonalise
 
 SMALL = ("data.pool_size=2000", "data.cloud_size=2000", "data.border_points=2000", "extraction.resolution=24")
 COUNTS = [f"data.counts.{name}=50" for name in ("manifold", "non_manifold", "shell", "pool")]
@@ -68,9 +68,9 @@ def test_the_fit_and_the_limits_give_rows_and_claim_nothing_of_smaller_ones(monk
 def test_without_its_polynomials_a_step_is_not_orthogonal_and_with_them_it_is():
     """What the benchmark leaves out is the iteration, and nothing else."""
     given = torch.randn(2, 24, 24, generator=torch.Generator().manual_seed(0))
-    left_out = orthogonalised(given, ())
+    left_out = orthogonalise(given, ())
     torch.testing.assert_close(left_out, given / torch.linalg.matrix_norm(given, keepdim=True))
-    assert torch.linalg.svdvals(orthogonalised(given, ITERATIONS["five"]))[:, -2].min() > 0.3
+    assert torch.linalg.svdvals(orthogonalise(given, ITERATIONS["five"]))[:, -2].min() > 0.3
 
 
 def test_extraction_and_overhead_give_rows():

@@ -15,6 +15,7 @@ from jointsdf.data.datamodule import ShapeDataModule
 from jointsdf.data.sampler import Counts
 from jointsdf.data.samples import SampleSettings
 from jointsdf.experiment import build
+from jointsdf.experiment.settings import resolve_settings
 from jointsdf.extraction.resolution import cell_size
 from jointsdf.model.heads import HEADS
 from jointsdf.model.trunk import SirenTrunk
@@ -248,7 +249,7 @@ def test_rates_fall_on_a_large_surface_and_what_is_out_of_reach_decides_nothing(
         return build.trunk_rate(cfg, shape, lambda: build.cloud_of(cfg, shape))
 
     def fingerprint(cfg: DictConfig) -> dict[str, Any]:
-        return build.resolve_settings(cfg, shape, rate_of(cfg))[1]
+        return resolve_settings(cfg, shape, rate_of(cfg))[1]
 
     assert rate_of(config("trainer.full_rate_area=null")) == 1
     assert rate_of(config("trainer.full_rate_area=20")) == 1

@@ -13,7 +13,7 @@ import pytest
 import torch
 from command_line import ROOT, Answer, call
 
-from jointsdf.experiment import run as experiment
+from jointsdf.experiment.measurement import measure_again
 from jointsdf.model.field import JointField
 from jointsdf.moved_names import MOVED
 from jointsdf.training.module import JointSDFModule
@@ -88,7 +88,7 @@ def test_a_finished_run_is_not_run_again(tmp_path) -> None:
 
 
 def test_a_finished_run_measures_as_it_did(tmp_path) -> None:
-    row, scores = experiment.measure_again(placed(tmp_path, "finished", "base"))
+    row, scores = measure_again(placed(tmp_path, "finished", "base"))
     for protocol, found in scores.items():
         assert found == pytest.approx(row.scores[protocol], rel=1e-3, nan_ok=True)
 

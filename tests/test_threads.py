@@ -77,7 +77,7 @@ def test_pieces_are_as_many_for_each_thread_and_never_large(number: int, points:
     count = pieces(torch.zeros(points, 3))
     sizes = [len(piece) for piece in torch.zeros(points, 3).tensor_split(count)]
     assert sum(sizes) == points
-    assert max(sizes) <= threads.MOST
-    assert count == 1 or min(sizes) >= threads.LEAST
-    if points >= threads.LEAST * number:
-        assert count % number == 0 or count == points // threads.LEAST
+    assert max(sizes) <= threads.MAX_PIECE_POINTS
+    assert count == 1 or min(sizes) >= threads.MIN_PIECE_POINTS
+    if points >= threads.MIN_PIECE_POINTS * number:
+        assert count % number == 0 or count == points // threads.MIN_PIECE_POINTS

@@ -1,4 +1,4 @@
-"""Translation of a config: what no component checks by itself, and which of its numbers are real ones."""
+"""Config values that no component checks by itself, and the keys of real numbers."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -22,14 +22,14 @@ CHOICES = {"resume": ("auto", "never"), "force": (True, False), "reuse": (True, 
 NAMES = ("study", "variant", "recipe")
 
 
-def check(settings: Mapping[str, Any]) -> None:
-    """Refuse values that no component checks.
+def check_settings(settings: Mapping[str, Any]) -> None:
+    """Refuse values out of range that no component checks.
 
     Args:
         settings: The resolved config.
 
     Raises:
-        InputError: The first such value, and what is accepted.
+        InputError: A value out of range; the first one, and the accepted ones.
     """
     for key, accepted in (CHOICES | {"evaluation.primary": tuple(settings["evaluation"]["protocols"])}).items():
         require_one_of(key, value_at(settings, key), accepted)
@@ -51,7 +51,11 @@ def number_keys(settings: Mapping[str, Any]) -> list[str]:
 
 
 def value_at(settings: Mapping[str, Any], key: str) -> Any:
-    """The value at a dotted key; None where there is none."""
+    """Value at a dotted key; None where there is none.
+
+    >>> value_at({"trainer": {"clip": 10.0}}, "trainer.clip")
+    10.0
+    """
     value: Any = settings
     for name in key.split("."):
         value = value.get(name) if isinstance(value, Mapping) else None

@@ -1,4 +1,4 @@
-"""The help of `train.py` and `evaluate.py` in one screen, from the yaml files and their comments. Imports no torch."""
+"""Help of `train.py` and `evaluate.py`, made from the yaml files and their comments. Imports no torch."""
 
 import re
 import textwrap
@@ -13,8 +13,12 @@ DEFAULT = re.compile(r"^  - (\w+): (\w+)$", re.MULTILINE)  # of the defaults lis
 WIDTH, COLUMN = 120, 32
 
 
-def of_fit(program: str) -> str:
-    """What a run takes: values with their comments, groups with their choices, and where all the rest is listed."""
+def fit_help(program: str) -> str:
+    """Help of a run: values with their comments, and groups with their choices.
+
+    Args:
+        program: Name of the command.
+    """
     config = CONF.joinpath("config.yaml").read_text(encoding="utf-8")
     defaults = dict(DEFAULT.findall(config))
     lines = [
@@ -26,7 +30,7 @@ def of_fit(program: str) -> str:
         *_values(config),
         "",
         "Groups (* default, unless the recipe chooses another); a key of one, e.g. trainer.max_steps=800:",
-        *(_wrapped(f"  {group:<12} ", " | ".join(_starred(group, defaults))) for group in GROUPS),
+        *(_wrap(f"  {group:<12} ", " | ".join(_star_default(group, defaults))) for group in GROUPS),
         "",
         f"{program} --cfg job [key=value ...] prints every key and value; a group's file says what each means.",
         f"{program} --hydra-help: Hydra's own options, among them shell completion.",
@@ -34,8 +38,8 @@ def of_fit(program: str) -> str:
     return "\n".join(lines)
 
 
-def of_evaluate(program: str) -> str:
-    """What measuring a run again takes."""
+def evaluate_help(program: str) -> str:
+    """Help of measuring a run again."""
     run = next(_values(CONF.joinpath("evaluate.yaml").read_text(encoding="utf-8")))
     example = "outputs/fast/base/siren/part_01/seed0"
     return "\n".join(
@@ -52,7 +56,7 @@ def of_evaluate(program: str) -> str:
 
 
 def _values(text: str) -> Iterator[str]:
-    """The keys of a yaml file with value and comment; nested ones by their dotted names."""
+    """Lines of a yaml file's keys with value and comment; nested keys by their dotted names."""
     section, hidden = "", False
     for line in text.splitlines():
         found = KEY.match(line)
@@ -64,20 +68,20 @@ def _values(text: str) -> Iterator[str]:
         if hidden or not value:
             continue
         name = key if not key.startswith(" ") else f"{section}.{key.strip()}"
-        yield _wrapped(f"  {f'{name}={value}':<{COLUMN}} ", comment)
+        yield _wrap(f"  {f'{name}={value}':<{COLUMN}} ", comment)
 
 
 def choices(group: str) -> list[str]:
-    """The names of a config group's files."""
+    """Choices of a config group, in alphabetical order."""
     files = (path.name for path in CONF.joinpath(group).iterdir())
     return sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml"))
 
 
-def _starred(group: str, defaults: Mapping[str, str]) -> list[str]:
+def _star_default(group: str, defaults: Mapping[str, str]) -> list[str]:
     return [f"{name}*" if name == defaults.get(group) else name for name in choices(group)]
 
 
-def _wrapped(start: str, text: str) -> str:
-    """A line with hanging indent."""
+def _wrap(start: str, text: str) -> str:
+    """Wrap a line with hanging indent."""
     hanging = " " * len(start)
     return textwrap.fill(text, WIDTH, initial_indent=start, subsequent_indent=hanging, break_long_words=False) or start

@@ -1,4 +1,4 @@
-"""What a finished run says of itself: its numbers in one line, how good it is in words, and which files to open."""
+"""Last lines of a run: its scores, the quality of its mesh in words, and the files to open."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,11 +9,17 @@ from jointsdf.evaluation.protocol import Protocol, bounding_frame
 from jointsdf.runs.row import ResultRow
 from jointsdf.values import LabelledMesh
 
-QUOTED = {"surface_p99", "parts_pred", "parts_gt", "components", "components_gt"}
+QUOTED_SCORES = {"surface_p99", "parts_pred", "parts_gt", "components", "components_gt"}
 
 
 def summary(row: ResultRow, protocol: str, folder: Path | None) -> str:
-    """The run in one line."""
+    """Scores and seconds of the run in one line.
+
+    Args:
+        row: The run's row.
+        protocol: Name of the protocol to quote.
+        folder: The run folder; None where it does not last.
+    """
     scores = row.scores[protocol]
     if row.status == "empty_mesh":
         return f"{row.shape} {row.head}: empty_mesh (the field has no surface in the box), {folder or 'not kept'}"
@@ -26,30 +32,30 @@ def summary(row: ResultRow, protocol: str, folder: Path | None) -> str:
     )
 
 
-def in_words(row: ResultRow, protocols: Mapping[str, Protocol], truth: LabelledMesh, mesh: LabelledMesh) -> str:
-    """How good the fit is, for people; empty where the run has no surface or did not measure it.
+def describe(row: ResultRow, protocols: Mapping[str, Protocol], truth: LabelledMesh, mesh: LabelledMesh) -> str:
+    """Quality of the mesh in plain words; empty for a run without surface or without the scores it quotes.
 
     Args:
-        row: The run's.
-        protocols: How it was measured; the first whose frame is the ground truth's is quoted.
+        row: The run's row.
+        protocols: The run's protocols; the first whose frame is the ground truth's is quoted.
         truth: Ground truth, file frame.
-        mesh: The run's, file frame.
+        mesh: The run's mesh, file frame.
     """
-    protocol = next((name for name, how in protocols.items() if how.frame == "truth"), None)
-    if protocol is None or mesh.is_empty or not row.scores[protocol].keys() >= QUOTED:
+    quoted = next((name for name, protocol in protocols.items() if protocol.frame == "truth"), None)
+    if quoted is None or mesh.is_empty or not row.scores[quoted].keys() >= QUOTED_SCORES:
         return ""
-    scores, side = row.scores[protocol], bounding_frame(truth).scale
+    scores, side = row.scores[quoted], bounding_frame(truth).scale
     p99 = scores["surface_p99"]
-    said = [f"99% of the surface is within {p99 * side:.2g} of the part (file units; {p99:.2%} of its longest side)"]
+    facts = [f"99% of the surface is within {p99 * side:.2g} of the part (file units; {p99:.2%} of its longest side)"]
     if row.num_parts:
-        said.append(f"{scores['parts_pred']:.0f} of {scores['parts_gt']:.0f} parts")
+        facts.append(f"{scores['parts_pred']:.0f} of {scores['parts_gt']:.0f} parts")
     closed = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).is_watertight
-    said.append("watertight" if closed else "not watertight")
+    facts.append("watertight" if closed else "not watertight")
     pieces, wanted = scores["components"], scores["components_gt"]
-    said.append("one piece" if pieces == wanted == 1 else f"{pieces:.0f} pieces where the part has {wanted:.0f}")
-    return ", ".join(said)
+    facts.append("one piece" if pieces == wanted == 1 else f"{pieces:.0f} pieces where the part has {wanted:.0f}")
+    return ", ".join(facts)
 
 
 def files_to_open(folder: Path) -> str:
-    """Where to look first."""
+    """Paths of picture, mesh and scores."""
     return f"open {folder / 'preview.png'} (picture), mesh.glb (3D viewer), result.json (every number) beside it"

@@ -1,30 +1,24 @@
-"""A sweep of Hydra's that survives: a run that fails costs itself only, and the end says how all of them stand.
+"""A Hydra sweep in which a failed run does not stop the others, with a summary of all runs at the end.
 
-Every engine (this process, Ray, SLURM) calls `run_one` for each run. What became of it is read from the run folders, so
-that it does not matter which process did it, or died of it.
+Every engine (this process, Ray, SLURM) calls `run_one` for each run. The state of the runs is read from their folders,
+so that it does not matter which process made a run, or died of it.
 """
 
 import gc
 import logging
 import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from hydra import compose
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-from hydra.core.global_hydra import GlobalHydra
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
-from jointsdf.cli_logging import one_line, quiet_libraries
+from jointsdf.cli_logging import configure_logging, log_levels, one_line
 from jointsdf.errors import InputError
+from jointsdf.experiment.sweep_configs import sweep_configs
 from jointsdf.phases import phase, run_named
 from jointsdf.runs import status
 from jointsdf.runs.folder import FIELD
@@ -33,22 +27,23 @@ from jointsdf.runs.row import ROW_FILE
 
 log = logging.getLogger(__name__)
 
-SPEAKS_OF_ONE_RUN = (
+RUN_LOGGERS = (  # of lines about a single run, which a sweep leaves out
+    "jointsdf.experiment.existing_row",
     "jointsdf.experiment.run",
     "jointsdf.shapes.mesh_report",
-    "jointsdf.training.matrix_products",
+    "jointsdf.training.product_choice",
     "jointsdf.phases",
 )
-PLAIN = ("shape", "seed")  # values on which nothing else in a config depends
+STUDY_LEVEL = 3  # index of the study's folder among the parents of a run folder
 
 
 @dataclass
 class ActiveSweep:
-    """The sweep that this process drives; nothing is wanted in one that only works for another.
+    """The sweep that this process drives; a process that works for another one's sweep has an empty one.
 
     Attributes:
         wanted: Run folders, in the order of the runs.
-        started: When, seconds since the epoch.
+        started: Time of the start, seconds since the epoch.
         postponed: Configs of runs that another process works on.
     """
 
@@ -61,24 +56,25 @@ active_sweep = ActiveSweep()
 
 
 class Sweep(Callback):
-    """Tells, when Hydra starts a sweep, which runs it wants. It has no state: Hydra hands it on to other processes."""
+    """Records the runs of a sweep when Hydra starts it. It has no state, since Hydra pickles it for other processes."""
 
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
-        """Note the wanted runs, on disk as well.
+        """Record the wanted runs, in the study's folder as well.
 
         Raises:
             SystemExit: The chosen engine is not installed.
         """
         global active_sweep
-        quiet_libraries()
+        configure_logging()
         with phase("start", "torch and lightning, then the runs of the sweep"):
-            from jointsdf.experiment.build import folder_of
-        quiet_libraries()  # those that came with it as well
+            from jointsdf.experiment import build  # noqa: F401 (imports torch now)
+            from jointsdf.experiment.settings import folder_of
+        configure_logging()  # loggers that came with it as well
         _check_engine(config)
-        folders = [folder_of(cfg) for cfg in _wanted_configs(config)]
+        folders = [folder_of(cfg) for cfg in sweep_configs(config)]
         active_sweep = ActiveSweep(list(dict.fromkeys(folders)))
-        for study in {folder.parents[3] for folder in active_sweep.wanted}:
-            status.plan(study, [folder for folder in active_sweep.wanted if folder.parents[3] == study])
+        for study in {folder.parents[STUDY_LEVEL] for folder in active_sweep.wanted}:
+            status.plan(study, [folder for folder in active_sweep.wanted if folder.parents[STUDY_LEVEL] == study])
         if len(active_sweep.wanted) < len(folders):
             what = f"{len(folders)} runs share {len(active_sweep.wanted)} folders"
             log.warning("%s: name what differs in variant=, e.g. 'variant=tap=${trunk.tap}'", what)
@@ -87,33 +83,37 @@ class Sweep(Callback):
 
 
 def run_one(cfg: DictConfig, *, wait_for_others: bool = False) -> float | None:
-    """One run of a sweep: its cd_l1, None where it failed or another process works on it.
+    """Make one run of a sweep.
 
     Args:
         cfg: The run's config.
         wait_for_others: Whether to wait for another process that works on this run, as a process that drives no sweep
             always does.
+
+    Returns:
+        The primary protocol's cd_l1; None where the run failed or another process works on it.
     """
     from jointsdf.experiment import build, run
+    from jointsdf.experiment.settings import folder_of
     from jointsdf.experiment.summary import summary
 
     folder = None
     try:
         build.check_config(cfg)
-        folder = build.folder_of(cfg)
+        folder = folder_of(cfg)
         before = status.read_state(folder)
         if before.killed_twice:
             raise InputError(f"its process was killed twice at step {before.step}: is memory short?")
-        with _quiet(), run_named(f"{cfg.head.name} {cfg.shape}"):
+        with log_levels(dict.fromkeys(RUN_LOGGERS, logging.ERROR)), run_named(f"{cfg.head.name} {cfg.shape}"):
             row = run.run(cfg, wait=wait_for_others or not active_sweep.wanted)
     except Busy:
-        log.info("%s: another process works on it; it is looked at again in the end", folder)
+        log.info("%s: another process works on it; it is tried again at the end", folder)
         active_sweep.postponed.append(cfg)
         return None
-    except Exception as error:  # whatever it is, the other runs do not care
+    except Exception as error:  # the other runs go on, whatever it is
         message = one_line(error) or f"{type(error).__name__}: {' '.join(str(error).split())}"
-        where = "/".join(folder.parts[-4:]) + ": " if folder else ""
-        log.error("error: %s%s", where, message)
+        place = "/".join(folder.parts[-4:]) + ": " if folder else ""
+        log.error("error: %s%s", place, message)
         if folder:
             status.fail(folder, message, error)
         return None
@@ -125,16 +125,16 @@ def run_one(cfg: DictConfig, *, wait_for_others: bool = False) -> float | None:
 
 
 def wait_for_postponed() -> None:
-    """Look again at the runs that other processes worked on: most are finished now, the others are done here."""
+    """Wait for the runs that other processes worked on, and make those that they left unfinished."""
     for cfg in active_sweep.postponed:
         run_one(cfg, wait_for_others=True)
 
 
 def sum_up() -> int:
-    """Say how the wanted runs stand, and forget them.
+    """Log the state of the wanted runs, and end the sweep.
 
     Returns:
-        How many are not finished; 0 where no sweep was active_sweep.
+        Number of runs that are not finished; 0 without a sweep.
     """
     global active_sweep
     sweep, active_sweep = active_sweep, ActiveSweep()
@@ -154,64 +154,34 @@ def sum_up() -> int:
     return len(sweep.wanted) - kinds["done"]
 
 
-def _wanted_configs(config: DictConfig) -> list[DictConfig]:
-    """The config of each run as far as its folder goes, in the order in which Hydra's sweeper makes the runs."""
-    given = [f"{key}={value}" for key, value in (config.hydra.sweeper.get("params") or {}).items()]
-    given += config.hydra.overrides.task  # later ones replace earlier ones: the command line narrows a stored sweep
-    parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
-    (jobs,) = BasicSweeper.split_arguments(parser.parse_overrides(given), None)
-    composed = cache(lambda *overrides: compose(config.hydra.job.config_name, list(overrides)))
-    configs = []
-    for job in jobs:
-        plain = {key: value for key, value in map(_parsed, job) if key in PLAIN}
-        cfg = composed(*(override for override in job if _parsed(override)[0] not in PLAIN)).copy()
-        cfg.update(plain)
-        configs.append(cfg)
-    return configs
-
-
-def _parsed(override: str) -> tuple[str, Any]:
-    found = OverridesParser.create().parse_override(override)
-    return found.get_key_element(), found.value()
-
-
 def _check_engine(config: DictConfig) -> None:
     try:
-        there = find_spec(config.hydra.launcher._target_.rpartition(".")[0])
+        launcher = find_spec(config.hydra.launcher._target_.rpartition(".")[0])
     except ModuleNotFoundError:
-        there = None
-    if there is None:
+        launcher = None
+    if launcher is None:
         engine = config.hydra.runtime.choices["hydra/launcher"]
         log.error("error: hydra/launcher=%s is not installed: pip install '.[%s]'", engine, engine)
         raise SystemExit(2)
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Leave out what a single run says of itself."""
-    before = {logger: logger.level for logger in map(logging.getLogger, SPEAKS_OF_ONE_RUN)}
-    try:
-        for logger in before:
-            logger.setLevel(logging.ERROR)
-        yield
-    finally:
-        for logger, level in before.items():
-            logger.setLevel(level)
-
-
 def _progress(folder: Path) -> str:
-    """The sweep so far, e.g. `[12/200, 1 failed, 3:10 h left]`; without the time in a process that drives no sweep."""
-    wanted = active_sweep.wanted or status.planned_runs(folder.parents[3])
+    """Progress of the sweep, e.g. `[12/200, 1 failed, 3:10 h left]`; no time left in a process that drives no sweep."""
+    wanted = active_sweep.wanted or status.planned_runs(folder.parents[STUDY_LEVEL])
     kinds = Counter(status.read_state(folder).kind for folder in wanted)
     new = sum(_finished_since(folder, active_sweep.started) for folder in active_sweep.wanted)
-    open_ = len(wanted) - kinds["done"] - kinds["failed"]
+    unfinished = len(wanted) - kinds["done"] - kinds["failed"]
     parts = [f"{kinds['done']}/{len(wanted)}"]
     parts += [f"{kinds['failed']} failed"] if kinds["failed"] else []
-    parts += [f"{status.duration((time.time() - active_sweep.started) / new * open_)} left"] if new and open_ else []
+    parts += (
+        [f"{status.duration((time.time() - active_sweep.started) / new * unfinished)} left"]
+        if new and unfinished
+        else []
+    )
     return f"[{', '.join(parts)}]"
 
 
 def _finished_since(folder: Path, moment: float) -> bool:
-    """Whether the folder's row was made since then, here: a row taken from another study has no field beside it."""
+    """True if the folder's row was made here since then; a row copied from another study comes without a field."""
     row = folder / ROW_FILE
     return (folder / FIELD).is_file() and row.is_file() and row.stat().st_mtime >= moment

@@ -1,7 +1,8 @@
-"""What TensorBoard shows of a run: previews on the way, and the finished result."""
+"""TensorBoard entries of a run: previews during the fit, and the finished result."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -11,6 +12,7 @@ from jaxtyping import UInt8
 from lightning import Callback, LightningModule, Trainer
 from lightning.pytorch.loggers import TensorBoardLogger
 from numpy import ndarray
+from omegaconf import DictConfig
 from torch.utils.tensorboard import SummaryWriter
 
 from jointsdf.errors import require_integer
@@ -18,24 +20,27 @@ from jointsdf.evaluation.protocol import GroundTruth, Protocol
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.model.field import JointField
 from jointsdf.training.module import JointSDFModule
-from jointsdf.values import LabelledMesh
+from jointsdf.values import LabelledMesh, Shape
 from jointsdf.viewing.export import fits_tensorboard, tensorboard_mesh
+from jointsdf.viewing.render import render_comparison
 
+PREVIEW_POINTS = 5000  # samples on each surface
+PREVIEW_WIDTH, PREVIEW_HEIGHT = 320, 240  # pixels
 PREVIEW_COLUMNS = ("cd_l1", "nc", "miou")
-MESH_RESOLUTIONS = (64, 48, 32, 24, 16, 8)  # tried in turn, where the run's own mesh is too large for the mesh tab
+MESH_RESOLUTIONS = (64, 48, 32, 24, 16, 8)  # tried in turn if the run's mesh is too large for the mesh tab
 
 
 def extract(field: JointField, extraction: Extraction) -> LabelledMesh:
-    """The field's labelled mesh, file frame."""
+    """Extract the field's labelled mesh, file frame."""
     return extraction.labelled_mesh(field.network_sdf, field.network_part, field.normalisation)
 
 
 @dataclass(frozen=True)
 class PreviewSettings:
-    """When previews are made, and on which grid.
+    """Interval and grid of previews.
 
     Attributes:
-        every: Steps between two; 0 for none.
+        every: Steps between two previews; 0 for none.
         resolution: Grid points along each axis of the training box.
 
     Raises:
@@ -52,13 +57,13 @@ class PreviewSettings:
 
 
 class Preview(Callback):
-    """Every so many steps: a coarse mesh, measured and pictured, in TensorBoard under `preview_<resolution>/`.
+    """Extracts, scores and draws a coarse mesh every so many steps, in TensorBoard under `preview_<resolution>/`.
 
     Args:
-        writer: Where to.
+        writer: Writer of the run's log.
         truth: Ground truth, file frame.
-        protocol: How to measure; a coarse one, since this is only a preview.
-        settings: When, and on which grid.
+        protocol: Protocol of the scores, with few points.
+        settings: Interval and grid.
         picture: (truth, prediction) -> image.
     """
 
@@ -74,7 +79,7 @@ class Preview(Callback):
         self.every, self.extraction, self.picture = settings.every, Extraction(settings.resolution), picture
 
     def on_train_batch_end(self, trainer: Trainer, pl_module: LightningModule, *_: Any) -> None:
-        """Measure when it is time, but not at the very end, which is measured in full."""
+        """Add a preview at each interval but the last step, whose result is measured in full."""
         step = trainer.global_step
         if step % self.every or step >= trainer.max_steps:
             return
@@ -90,8 +95,34 @@ class Preview(Callback):
         )
 
 
+def preview_settings(cfg: DictConfig) -> PreviewSettings:
+    """Interval and grid of the previews."""
+    return PreviewSettings(cfg.trainer.preview_every, cfg.trainer.preview_resolution)
+
+
+def preview_factory(cfg: DictConfig, shape: Shape, protocol: Protocol) -> Callable[[SummaryWriter], Preview] | None:
+    """Make the function that makes the preview callback of a writer; None without previews.
+
+    Args:
+        cfg: The composed config.
+        shape: Ground truth.
+        protocol: Protocol whose metrics are used.
+    """
+    settings = preview_settings(cfg)
+    if not settings.every:
+        return None
+    captions = ("ground truth", f"preview at {settings.resolution}^3, not a result")
+    return partial(
+        Preview,
+        truth=shape.mesh,
+        protocol=Protocol("preview", PREVIEW_POINTS, "truth", protocol.metrics),
+        settings=settings,
+        picture=partial(render_comparison, captions=captions, width=PREVIEW_WIDTH, height=PREVIEW_HEIGHT),
+    )
+
+
 def log_result(
-    board: TensorBoardLogger,
+    logger: TensorBoardLogger,
     field: JointField,
     mesh: LabelledMesh,
     picture: UInt8[ndarray, "h w 3"],
@@ -99,26 +130,26 @@ def log_result(
     scores: Mapping[str, float],
     step: int,
 ) -> None:
-    """The finished run in TensorBoard: picture, mesh tab, hparams beside final metrics.
+    """Add the finished run to TensorBoard: picture, mesh, and its settings as hparams with the final scores.
 
     Args:
-        board: Where to.
-        field: For the mesh tab, where the run's mesh is too large for it.
-        mesh: The run's, file frame.
+        logger: The run's log.
+        field: The fitted field, extracted on a coarser grid if the mesh is too large for the mesh tab.
+        mesh: The run's mesh, file frame.
         picture: Ground truth and prediction side by side.
         settings: Plain values that name the run.
-        scores: Final metrics.
+        scores: Final scores.
         step: Steps done.
     """
-    board.experiment.add_image("result/truth_and_prediction", picture, step, dataformats="HWC")
-    _log_mesh(board.experiment, field, mesh, step)
+    logger.experiment.add_image("result/truth_and_prediction", picture, step, dataformats="HWC")
+    _log_mesh(logger.experiment, field, mesh, step)
     finite = {f"result/{name}": value for name, value in scores.items() if np.isfinite(value)}
-    board.log_hyperparams(dict(settings), finite, step)  # SummaryWriter.add_hparams would make a run of its own
-    board.finalize("success")
+    logger.log_hyperparams(dict(settings), finite, step)  # SummaryWriter.add_hparams would make a run of its own
+    logger.finalize("success")
 
 
 def _log_mesh(writer: SummaryWriter, field: JointField, mesh: LabelledMesh, step: int) -> None:
-    """The mesh tab's entry; none for a field without a surface."""
+    """Add the mesh to the mesh tab; nothing for a field without a surface."""
     if mesh.is_empty:
         return
     coarser = (extract(field, Extraction(resolution=resolution)) for resolution in MESH_RESOLUTIONS)

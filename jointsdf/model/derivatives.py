@@ -1,4 +1,4 @@
-"""Tangent frames and mixed second derivatives of scalar fields, by a stencil and by autograd, the oracle of the tests.
+"""Tangent frames and mixed second derivatives of scalar fields, by a stencil and by autograd (the tests' oracle).
 
 Training takes exact derivatives from `fused.evaluate`, which computes value and derivatives together.
 """
@@ -15,7 +15,7 @@ ScalarField = Callable[[Float[Tensor, "n 3"]], Float[Tensor, " n"]]
 def tangent_frame(
     normals: Float[Tensor, "n 3"], angles: Float[Tensor, " n"]
 ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]]:
-    """An orthonormal tangent frame (u, v) of each unit normal, turned about it by the angle in radians.
+    """Orthonormal tangent frame (u, v) of each unit normal, turned about it by the angle in radians.
 
     The unturned frame is the branchless one of Duff et al., "Building an Orthonormal Basis, Revisited" (2017).
     """
@@ -36,7 +36,19 @@ def mixed_stencil(
     v: Float[Tensor, "n 3"],
     spacing: float,
 ) -> Float[Tensor, " n"]:
-    """u^T H v by the symmetric stencil [f(++) - f(+-) - f(-+) + f(--)] / (4 h^2), exact for cubics."""
+    """u^T H v by the symmetric stencil [f(++) - f(+-) - f(-+) + f(--)] / (4 h^2), exact for cubics.
+
+    Args:
+        field: f.
+        points: Centres of the stencils.
+        u: First direction at each point.
+        v: Second direction at each point.
+        spacing: h, length units of the points.
+
+    >>> x, y, _ = torch.eye(3)[:, None]
+    >>> mixed_stencil(lambda at: at[:, 0] * at[:, 1], torch.zeros(1, 3), x, y, 0.5)
+    tensor([1.])
+    """
     corners = torch.cat([points + spacing * (s * u + t * v) for s in (1, -1) for t in (1, -1)])
     pp, pm, mp, mm = field(corners).chunk(4)
     return (pp - pm - mp + mm) / (4 * spacing**2)

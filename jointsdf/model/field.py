@@ -1,7 +1,6 @@
-"""The joint field: trunk + head, asked in file units, and its file."""
+"""The joint field: trunk and head, queried in file units, and its file."""
 
 import pickle
-import warnings
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,22 +8,29 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor, nn
 
 from jointsdf.errors import InputError, first_line
-from jointsdf.model.fused.evaluate import evaluate
 from jointsdf.model.heads import HEADS
-from jointsdf.model.query import WHAT, FieldQuery, OutsideBoxWarning, points_of, wanted_of
+from jointsdf.model.query import (
+    ANSWERS,
+    Evaluate,
+    FieldQuery,
+    evaluate_fused,
+    evaluate_with_graph,
+    outside_box,
+    parse_names,
+    parse_points,
+    warn_outside_box,
+)
 from jointsdf.model.trunk import SirenTrunk
 from jointsdf.threads import over_threads, pieces
-from jointsdf.values import BOX, UNLABELLED, Normalisation
+from jointsdf.values import UNLABELLED, Normalisation
 
 CHUNK = 16384  # points evaluated at once: their record in the fused pass takes 170 MB
-ROUNDING = 1e-6  # of the box's size, before a point counts as outside
-# What reading a damaged checkpoint can raise, found by feeding it flipped bytes.
-UNREADABLE = (
+UNREADABLE = (  # errors of reading a damaged checkpoint, found by flipping bytes
     RuntimeError,
     LookupError,
     EOFError,
@@ -37,11 +43,11 @@ UNREADABLE = (
 
 
 class JointField(nn.Module):
-    """One shape's fitted field: points in file units -> signed distance, part, logits, gradient.
+    """One shape's field: points in file units -> signed distance, part, logits, gradient.
 
     Args:
         trunk: Arguments of `SirenTrunk`.
-        head: `name` in `HEADS` and that head's own arguments.
+        head: `name` in `HEADS`, and that head's own arguments.
         part_ids: Original part ids, in the order of the logits.
         normalisation: File frame -> network frame.
 
@@ -63,16 +69,16 @@ class JointField(nn.Module):
         super().__init__()
         self.arguments = {"trunk": dict(trunk), "head": dict(head)}
         self.trunk = SirenTrunk(**trunk)
-        knobs = dict(head)
-        name = knobs.pop("name")
+        arguments = dict(head)
+        name = arguments.pop("name")
         if name not in HEADS:
             raise InputError(f"head={name}: accepted are {', '.join(HEADS)}")
         try:
-            self.head = HEADS[name](self.trunk.feature_width, len(part_ids), **knobs)
+            self.head = HEADS[name](self.trunk.feature_width, len(part_ids), **arguments)
         except InputError:
             raise
         except (TypeError, ValueError) as error:
-            raise InputError(f"head {name} with {knobs}: {first_line(error)}") from error
+            raise InputError(f"head {name} with {arguments}: {first_line(error)}") from error
         self._warned = False
         self.register_buffer("part_ids", torch.as_tensor(np.asarray(part_ids, dtype=np.int64)))
         self.register_buffer("centre", torch.as_tensor(np.asarray(normalisation.centre, dtype=np.float64)))
@@ -83,21 +89,21 @@ class JointField(nn.Module):
         """File frame -> network frame."""
         return Normalisation(self.centre.cpu().numpy(), float(self.scale))
 
-    def query(self, points: Any, *, what: str | Collection[str] = WHAT, differentiable: bool = False) -> FieldQuery:
-        """Ask the field at points in the file frame, in bounded memory.
+    def query(self, points: Any, *, what: str | Collection[str] = ANSWERS, differentiable: bool = False) -> FieldQuery:
+        """Evaluate the field at points of the file frame, in bounded memory.
 
-        Points outside the training box are answered by extrapolation, with part -1, and a warning says so once.
+        Points outside the training box get extrapolated distances and part -1, with one `OutsideBoxWarning`.
 
         Args:
             points: A tensor, an array or nested lists of shape (n, 3), or (3,) for one point; file units.
-            what: Names of the answers wanted, of `sdf`, `part`, `logits`, `gradient`; only these are computed.
-            differentiable: Whether answers keep the graph to the points and the parameters. Takes a tensor.
+            what: Some of `sdf`, `part`, `logits`, `gradient`; only these are computed.
+            differentiable: Whether answers keep the graph to points and parameters; the points must be a tensor.
 
         Returns:
-            Answers of the kind of the points.
+            Answers of the type of the points.
 
         Raises:
-            InputError: Points or names that cannot be used.
+            InputError: The points or names cannot be used.
 
         >>> from jointsdf.values import UNMOVED
         >>> field = JointField({"width": 8, "depth": 2, "tap": 1}, {"name": "none"}, np.arange(0), UNMOVED)
@@ -105,72 +111,39 @@ class JointField(nn.Module):
         >>> len(answer.sdf), answer.part
         (1, None)
         """
-        rows, as_given = points_of(points)
-        wanted = wanted_of(what)
+        rows, as_given = parse_points(points)
+        wanted = parse_names(what)
         if differentiable and not isinstance(points, Tensor):
             raise InputError("differentiable=True: give the points as a tensor, which alone keeps a graph")
         with torch.set_grad_enabled(differentiable), self._without_dropout():
             inside = ((rows.to(self.centre) - self.centre) / self.scale).to(self.trunk.output.weight)
-            self._warn_outside(inside)
-            ask = self._ask_with_graph if differentiable else self._ask
-            answers = [ask(chunk, wanted) for chunk in inside.split(CHUNK)]
+            self._warned = self._warned or warn_outside_box(inside)
+            evaluate = evaluate_with_graph if differentiable else evaluate_fused
+            answers = [self._answer(chunk, wanted, evaluate) for chunk in inside.split(CHUNK)]
         columns = (None if column[0] is None else torch.cat(column) for column in zip(*answers, strict=True))
         return FieldQuery(*(None if column is None else as_given(column) for column in columns))
 
-    def _warn_outside(self, points: Float[Tensor, "n 3"]) -> None:
-        """Warn of points outside the training box, once."""
-        if self._warned or not bool(_outside(points).any()):
-            return
-        self._warned = True
-        warnings.warn(
-            "points outside the training box: the field was not trained there, its distances are extrapolated and its "
-            "parts -1 (said once)",
-            OutsideBoxWarning,
-            stacklevel=3,
-        )
-
-    def _ask(self, points: Float[Tensor, "n 3"], wanted: set[str]) -> FieldQuery:
-        """Answers by the fused pass, of which a value alone is the cheapest."""
-        if wanted == {"sdf"}:
-            sdf = torch.cat(over_threads(self.trunk.sdf, points.tensor_split(pieces(points))))
-            return FieldQuery(sdf * self.scale.to(sdf))
-        tap = self.trunk.tap if wanted & {"part", "logits"} else None
-        found = evaluate(self.trunk.sine_layers, self.trunk.output, points, grad="gradient" in wanted, tap=tap)
-        logits = None if found.feature is None else self.head(torch.cat([found.feature, points], -1))
-        return self._answer(points, wanted, found.sdf, logits, found.grad)
-
-    def _ask_with_graph(self, points: Float[Tensor, "n 3"], wanted: set[str]) -> FieldQuery:
-        """Answers by plain autograd, differentiable any number of times."""
-        if "gradient" in wanted and not points.requires_grad:
-            points = points.detach().requires_grad_()
-        sdf, features = self.trunk(points)
-        grad = torch.autograd.grad(sdf.sum(), points, create_graph=True)[0] if "gradient" in wanted else None
-        logits = self.head(features) if wanted & {"part", "logits"} else None
-        return self._answer(points, wanted, sdf, logits, grad)
-
-    def _answer(
-        self,
-        points: Float[Tensor, "n 3"],
-        wanted: set[str],
-        sdf: Float[Tensor, " n"],
-        logits: Float[Tensor, "n k"] | None,
-        grad: Float[Tensor, "n 3"] | None,
-    ) -> FieldQuery:
+    def _answer(self, points: Float[Tensor, "n 3"], wanted: set[str], evaluate: Evaluate) -> FieldQuery:
+        """Answers at points of the network frame, in file units."""
+        values = evaluate(self.trunk, self.head, points, wanted)
         part = None
-        if "part" in wanted and logits is not None:
-            part = self._parts(logits).masked_fill(_outside(points), UNLABELLED)
+        if "part" in wanted and values.logits is not None:
+            part = self._parts(values.logits).masked_fill(outside_box(points), UNLABELLED)
         return FieldQuery(
-            sdf * self.scale.to(sdf) if "sdf" in wanted else None, part, logits if "logits" in wanted else None, grad
+            values.sdf * self.scale.to(values.sdf) if "sdf" in wanted else None,
+            part,
+            values.logits if "logits" in wanted else None,
+            values.grad,
         )
 
     def network_sdf(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-        """Signed distance, network frame to network length units, for the extraction."""
+        """Signed distance in network length units at points of the network frame, for the extraction."""
         inputs = self._tensor(points)
         sdf: ndarray = torch.cat(over_threads(self.trunk.sdf, inputs.tensor_split(pieces(inputs)))).cpu().numpy()
         return sdf
 
     def network_part(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
-        """Original part id at points in the network frame; -1 without a head."""
+        """Original part id at points of the network frame, for the extraction; -1 without a head."""
         inputs = self._tensor(points)
         with self._without_dropout():
             found = over_threads(
@@ -185,7 +158,7 @@ class JointField(nn.Module):
 
     @contextmanager
     def _without_dropout(self) -> Iterator[None]:
-        """The head as it answers, whatever mode the module is in."""
+        """Evaluate the head without dropout within the block, whatever its mode."""
         was_training = self.head.training
         self.head.eval()
         try:
@@ -199,7 +172,7 @@ class JointField(nn.Module):
         return self.part_ids[logits.argmax(-1)]
 
     def save(self, path: Path) -> None:
-        """Write the field as plain values, readable with `weights_only=True`."""
+        """Write the field as plain values, which torch reads with `weights_only=True`."""
         torch.save({"format": 1, **self.arguments, "state": self.state_dict()}, path)
 
     @classmethod
@@ -216,7 +189,7 @@ class JointField(nn.Module):
             stored = torch.load(path, map_location="cpu", weights_only=True)
             state = stored["state"]
             normalisation = Normalisation(state["centre"].numpy(), float(state["scale"]))
-            unfitted = {**stored["trunk"], "init": "siren"}  # the sphere takes seconds, and the state replaces it
+            unfitted = {**stored["trunk"], "init": "siren"}  # the state replaces a fitted sphere, which takes seconds
             field = cls(unfitted, stored["head"], state["part_ids"].numpy(), normalisation)
             field.arguments["trunk"] = stored["trunk"]
             field.load_state_dict(state)
@@ -225,8 +198,3 @@ class JointField(nn.Module):
                 f"{path}: not a readable field checkpoint ({first_line(error)}); run the fit again"
             ) from error
         return field.eval()
-
-
-def _outside(points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
-    """Points of the network frame outside the training box."""
-    return (points.abs() > BOX * (1 + ROUNDING)).any(dim=1)

@@ -7,11 +7,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-FEW_THREADS = 2  # up to here numpy's sine on one core is ahead of torch's on all
+FEW_THREADS = 2  # up to here numpy's sine on one core is faster than torch's on all
 
 
 def sine_(argument: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
-    """The sine in the argument's own memory; no gradient flows through it."""
+    """Sine in place, without gradient."""
     if _by_numpy(argument):
         np.sin(argument.numpy(), out=argument.numpy())
         return argument
@@ -19,17 +19,17 @@ def sine_(argument: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
 
 
 def cosine(argument: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
-    """The cosine; no gradient flows through it."""
+    """Cosine, without gradient."""
     return torch.from_numpy(np.cos(argument.numpy())) if _by_numpy(argument) else argument.cos()
 
 
 def _by_numpy(argument: Tensor) -> bool:
-    """Whether numpy is faster: half of torch's time a core in float32, an error of 7e-8 for 4e-8, but one core."""
+    """True if numpy is faster: on one core half of torch's time in float32, with an error of 7e-8 instead of 4e-8."""
     return argument.dtype is torch.float32 and not argument.is_cuda and torch.get_num_threads() <= FEW_THREADS
 
 
 class SineLayer(nn.Module):
-    """`sin(omega (W x + b))`.
+    """Sine layer `sin(omega (W x + b))` (SIREN; Sitzmann et al., 2020).
 
     Args:
         in_features: Inputs.
@@ -59,7 +59,7 @@ class SineLayer(nn.Module):
 
 
 def hidden_sine(in_features: int, out_features: int, *, omega: float) -> SineLayer:
-    """A sine layer after the first: W ~ U(+-sqrt(6/n)/omega), so that any omega starts as the same function.
+    """Sine layer after the first: W ~ U(+-sqrt(6/n)/omega), so that any omega starts as the same function.
 
     The bias bound is divided by omega for the same reason.
     """
@@ -80,11 +80,11 @@ def start_uniform(linear: nn.Linear, weight_bound: float, bias_bound: float) -> 
 
 
 def classifier(in_features: int, num_classes: int) -> nn.Linear:
-    """The last layer of every head, U(+-1e-3): logits start near uniform."""
+    """Last layer of every head: weights and biases U(+-1e-3), so that logits start near uniform."""
     return start_uniform(nn.Linear(in_features, num_classes), 1e-3, 1e-3)
 
 
 def kaiming(in_features: int, out_features: int) -> nn.Linear:
-    """A linear layer before a ReLU: Kaiming-uniform weights, bias U(+-1/sqrt(in_features))."""
+    """Linear layer before a ReLU: Kaiming-uniform weights (He et al., 2015), bias U(+-1/sqrt(in_features))."""
     linear = nn.Linear(in_features, out_features)
     return start_uniform(linear, math.sqrt(6 / in_features), 1 / math.sqrt(in_features))

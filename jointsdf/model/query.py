@@ -1,25 +1,31 @@
-"""Questions to a field: points of any kind at the door, answers of the same kind."""
+"""Queries of a field: parsing of points and names, evaluation of trunk and head, answers of the points' type."""
 
+import warnings
 from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
-from torch import Tensor
+from torch import Tensor, nn
 
 from jointsdf.errors import InputError, first_line
+from jointsdf.model.fused.evaluate import evaluate
+from jointsdf.model.trunk import SirenTrunk
+from jointsdf.threads import over_threads, pieces
+from jointsdf.values import BOX
 
-WHAT = ("sdf", "part", "logits", "gradient")
+ANSWERS = ("sdf", "part", "logits", "gradient")
+ROUNDING = 1e-6  # relative to the box, before a point counts as outside
 
 
 class OutsideBoxWarning(UserWarning):
-    """Points outside the training box were asked for, where a field is an extrapolation."""
+    """A field was queried outside the training box, where it extrapolates."""
 
 
 class FieldQuery(NamedTuple):
-    """Answers of a `JointField`, file frame; None for what was not asked.
+    """Answers of a `JointField`, file frame; None for those not asked for.
 
     Attributes:
         sdf: Signed distance, file units, negative inside; shape (n,).
@@ -34,20 +40,41 @@ class FieldQuery(NamedTuple):
     gradient: Any = None
 
 
-def points_of(given: Any) -> tuple[Float[Tensor, "n 3"], Callable[[Tensor], Any]]:
-    """Points as a tensor, and how to give answers in the kind of the points.
+class NetworkValues(NamedTuple):
+    """Values at points of the network frame, for the answers of a query; None for those it does not need.
+
+    Attributes:
+        sdf: Signed distance, network length units.
+        logits: Pre-softmax scores.
+        grad: Gradient of the signed distance, dimensionless.
+    """
+
+    sdf: Float[Tensor, " n"]
+    logits: Float[Tensor, "n k"] | None = None
+    grad: Float[Tensor, "n 3"] | None = None
+
+
+Evaluate = Callable[[SirenTrunk, nn.Module, Float[Tensor, "n 3"], set[str]], NetworkValues]
+
+
+def parse_points(given: Any) -> tuple[Float[Tensor, "n 3"], Callable[[Tensor], Any]]:
+    """Convert points to a tensor, and make the function that converts answers to the points' type.
 
     Args:
         given: A tensor, an array, or nested lists, of shape (n, 3), or (3,) for one point.
 
     Returns:
-        The points, and a function that makes an answer of n rows a tensor, an array or lists: without the first axis
-        where one point was given.
+        The points, and a function from an answer of n rows to a tensor, an array or lists, without the first axis where
+        one point was given.
 
     Raises:
-        InputError: Another shape, a type that is no number, or a value that is not finite.
+        InputError: Another shape, another type than real numbers, or a value that is not finite.
+
+    >>> points, as_given = parse_points([0, 0, 1])
+    >>> points.shape, as_given(points[:, 2])
+    (torch.Size([1, 3]), 1.0)
     """
-    points = _tensor(given)
+    points = _to_tensor(given)
     one = points.shape == (3,)
     if points.numel() == 0 and points.ndim < 2:
         points = points.reshape(0, 3)
@@ -69,20 +96,63 @@ def points_of(given: Any) -> tuple[Float[Tensor, "n 3"], Callable[[Tensor], Any]
     return rows, as_given
 
 
-def wanted_of(what: str | Collection[str]) -> set[str]:
-    """The names asked for.
+def parse_names(what: str | Collection[str]) -> set[str]:
+    """Names of the answers asked for, as a set.
 
     Raises:
         InputError: An unknown name, or none.
     """
     names = {what} if isinstance(what, str) else set(what)
-    if not names or not names <= set(WHAT):
-        odd = ", ".join(sorted(names - set(WHAT))) or "nothing"
-        raise InputError(f"what={odd}: give some of {', '.join(WHAT)}")
+    if not names or not names <= set(ANSWERS):
+        odd = ", ".join(sorted(names - set(ANSWERS))) or "nothing"
+        raise InputError(f"what={odd}: give some of {', '.join(ANSWERS)}")
     return names
 
 
-def _tensor(given: Any) -> Tensor:
+def evaluate_fused(trunk: SirenTrunk, head: nn.Module, points: Float[Tensor, "n 3"], wanted: set[str]) -> NetworkValues:
+    """Evaluate trunk and head by the fused pass, or by the trunk alone where only distances are wanted."""
+    if wanted == {"sdf"}:
+        return NetworkValues(torch.cat(over_threads(trunk.sdf, points.tensor_split(pieces(points)))))
+    tap = trunk.tap if wanted & {"part", "logits"} else None
+    found = evaluate(trunk.sine_layers, trunk.output, points, grad="gradient" in wanted, tap=tap)
+    logits = None if found.feature is None else head(torch.cat([found.feature, points], -1))
+    return NetworkValues(found.sdf, logits, found.grad)
+
+
+def evaluate_with_graph(
+    trunk: SirenTrunk, head: nn.Module, points: Float[Tensor, "n 3"], wanted: set[str]
+) -> NetworkValues:
+    """Evaluate trunk and head by plain autograd, differentiable any number of times."""
+    if "gradient" in wanted and not points.requires_grad:
+        points = points.detach().requires_grad_()
+    sdf, features = trunk(points)
+    grad = torch.autograd.grad(sdf.sum(), points, create_graph=True)[0] if "gradient" in wanted else None
+    return NetworkValues(sdf, head(features) if wanted & {"part", "logits"} else None, grad)
+
+
+def outside_box(points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
+    """Points of the network frame outside the training box.
+
+    >>> outside_box(torch.tensor([[0.0, 0.0, 1.1], [0.0, 0.0, 1.2]])).tolist()
+    [False, True]
+    """
+    return (points.abs() > BOX * (1 + ROUNDING)).any(dim=1)
+
+
+def warn_outside_box(points: Float[Tensor, "n 3"]) -> bool:
+    """Warn if points of the network frame are outside the training box; returns whether they are."""
+    if not bool(outside_box(points).any()):
+        return False
+    warnings.warn(
+        "points outside the training box: the field was not trained there, its distances are extrapolated and its "
+        "parts -1 (said once)",
+        OutsideBoxWarning,
+        stacklevel=3,
+    )
+    return True
+
+
+def _to_tensor(given: Any) -> Tensor:
     if isinstance(given, Tensor):
         points = given
     else:

@@ -1,4 +1,4 @@
-"""The shared SIREN trunk: sine layers, the signed distance, and the feature that a head sees."""
+"""The shared SIREN trunk: sine layers, signed distance, and the feature that a head sees."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -15,20 +15,20 @@ SPHERE_RADIUS = 0.5  # network length units; about the size of a part in its box
 
 
 class SirenTrunk(nn.Module):
-    """Sine layers shared by both outputs, and the linear layer that gives the signed distance.
+    """SIREN shared by both outputs: sine layers, and a linear layer for the signed distance.
 
     Args:
         width: Units per layer.
         depth: Sine layers.
         omega: Frequency of the first layer, omega_0.
-        hidden_omega: Frequency of the others. Any value starts as the same function; hidden weights learn faster the
-            larger it is (the paper's text: 1; the released FlatCAD code: 30).
-        tap: Which layer's activations the head sees, 1 = the first.
+        hidden_omega: Frequency of the other layers. Any value starts as the same function; hidden weights learn faster
+            the larger it is (the paper's text: 1; the released FlatCAD code: 30).
+        tap: Number of the layer whose activations the head sees, from 1.
         init: `siren`: output near zero, the paper's. `sphere`: all layers fitted to a sphere's signed distance, which
             fixes the sign of the field.
 
     Raises:
-        InputError: A number or name that no trunk can be built from.
+        InputError: A value out of range.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class SirenTrunk(nn.Module):
 
     @torch.no_grad()
     def sdf(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
-        """Signed distance alone, network frame: each layer overwrites the one before it, nothing is kept."""
+        """Signed distance alone, network frame, without gradient: each layer overwrites the one before it."""
         hidden = points
         for layer in self.sine_layers:  # the frequency goes into the weights, of which there are fewer
             weight, bias = layer.omega * layer.linear.weight, layer.omega * layer.linear.bias
@@ -86,7 +86,7 @@ class SirenTrunk(nn.Module):
         return sdf
 
     def _fit_to_sphere(self, steps: int = 200, samples: int = 1000) -> None:
-        """Fit f(x) = |x| - radius on random points of the box, a second of Adam."""
+        """Fit f(x) = |x| - radius on random points of the box, by Adam in about a second."""
         optimizer = torch.optim.Adam(self.parameters(), lr=3e-4)
         for _ in range(steps):
             points = (torch.rand(samples, 3) * 2 - 1) * BOX

@@ -1,4 +1,4 @@
-"""Checkpoints that lose little: written every so many seconds and at a stop, always between two steps."""
+"""Checkpoints of a fit, written every so many seconds and at a stop, always between two steps."""
 
 import pickle
 import time
@@ -18,11 +18,11 @@ from jointsdf.training.module import JointSDFModule
 
 @dataclass
 class TrainingClock:
-    """Seconds of training, those before an interruption included.
+    """Seconds of training over all processes of a resumed fit.
 
     Attributes:
         before: Seconds of earlier processes.
-        started: Start of this one's training, monotonic seconds.
+        started: Start of training in this process, monotonic seconds.
     """
 
     before: float = 0.0
@@ -30,7 +30,7 @@ class TrainingClock:
 
     @property
     def seconds(self) -> float:
-        """Until now."""
+        """Seconds of training until now."""
         return self.before + time.monotonic() - self.started
 
 
@@ -39,15 +39,14 @@ class Checkpoints(Callback):
 
     Args:
         path: The checkpoint file.
-        seconds: Between two writes, >= 0: the most that kill -9 can cost.
-        stop: Asked after every step.
-        step: Step of the checkpoint that is at `path` already, 0 for none.
-        products: Choice of matrix products, as `matrix_products.noted` puts it, for the process that resumes.
+        seconds: Seconds between two writes, >= 0: the most that kill -9 can cost.
+        stop: Stop requests, checked after every step.
+        step: Step of the checkpoint at `path`; 0 for none.
+        products: Choice of matrix products for the process that resumes, from `product_choice.choice_record`.
 
     Attributes:
         saved_step: Step of the last checkpoint written.
         clock: Seconds of training.
-
     """
 
     def __init__(
@@ -62,27 +61,27 @@ class Checkpoints(Callback):
         self.saved_at, self.clock = time.monotonic(), TrainingClock()
 
     def state_dict(self) -> dict[str, Any]:
-        """What the checkpoint keeps of this callback."""
+        """State of this callback in the checkpoint."""
         return {"seconds_trained": self.clock.seconds, "products": self.products}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Go on counting."""
+        """Restore the seconds of earlier processes."""
         self.clock.before = state_dict["seconds_trained"]
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:  # noqa: ARG002
-        """Start the clock, and take SIGTERM back from Lightning, which would end the run between two hooks."""
+        """Start the clock, and take SIGTERM back from Lightning, whose handler would end the run between two hooks."""
         self.stop.take_over()
         self.saved_at = self.clock.started = time.monotonic()
 
     def on_train_batch_end(self, trainer: Trainer, *_: Any) -> None:
-        """Save when it is time.
+        """Save if the interval is over or a stop was requested.
 
         Raises:
-            SystemExit: A stop was asked for; the checkpoint is written.
+            SystemExit: A stop was requested; the checkpoint is written.
         """
         if self.stop.signal is not None or time.monotonic() - self.saved_at >= self.seconds:
             self.save(trainer)
-        self.stop.raise_if_asked()
+        self.stop.raise_if_requested()
 
     def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:  # noqa: ARG002
         """Save the fitted field, so that an interruption of what follows costs no training."""
@@ -99,11 +98,11 @@ class Checkpoints(Callback):
 
 
 class StoredCheckpoint(NamedTuple):
-    """What is known of a checkpoint before the fit goes on from it.
+    """Content of a checkpoint that is needed before the fit resumes from it.
 
     Attributes:
         step: Steps done; 0 without a checkpoint.
-        products: As `matrix_products.noted` put them.
+        products: Choice of matrix products, from `product_choice.choice_record`.
     """
 
     step: int
@@ -111,11 +110,11 @@ class StoredCheckpoint(NamedTuple):
 
 
 def read_checkpoint(path: Path, module: JointSDFModule) -> StoredCheckpoint:
-    """Check the checkpoint to go on from.
+    """Read and check the checkpoint to resume from.
 
     Args:
-        path: Need not be there.
-        module: What the checkpoint must fit.
+        path: The checkpoint file, which need not exist.
+        module: Module whose parameters' names and shapes the checkpoint must have.
 
     Raises:
         InputError: It is truncated, not a checkpoint, or of a field of another size.

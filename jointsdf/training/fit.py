@@ -1,4 +1,4 @@
-"""The fit: Lightning's loop around the module, with checkpoints to go on from."""
+"""The fit: Lightning's loop around the module, resumed from its checkpoint."""
 
 import errno
 import logging
@@ -20,8 +20,9 @@ from jointsdf.runs.folder import BOARD, CHECKPOINT
 from jointsdf.threads import workers
 from jointsdf.training.checkpoints import Checkpoints, read_checkpoint
 from jointsdf.training.interruption import StopRequests
-from jointsdf.training.matrix_products import Products, machine_kind, noted, used
+from jointsdf.training.matrix_products import Products
 from jointsdf.training.module import JointSDFModule
+from jointsdf.training.product_choice import choice_record, machine_kind, set_products
 from jointsdf.training.progress import Progress, StatusFile
 from jointsdf.training.settings import FitSettings
 
@@ -30,12 +31,12 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class FitMachine:
-    """Where and how a fit runs; none of it is part of a run's identity.
+    """Device, matrix products and checkpoint interval of a fit; none of it is part of a run's identity.
 
     Attributes:
-        products: How matrices shall be multiplied; `auto` where that is to be measured.
+        products: Library and precisions of matrix products; `auto` values are chosen on this machine.
         accelerator: `auto`, `cpu` or `gpu`; one device.
-        checkpoint_seconds: Between two checkpoints: the most that kill -9 can cost.
+        checkpoint_seconds: Seconds between two checkpoints: the most that kill -9 can cost.
 
     Raises:
         InputError: A value out of its range.
@@ -59,17 +60,18 @@ def fit(
     *,
     preview: Callable[[SummaryWriter], Callback] | None = None,
 ) -> tuple[float, dict[str, str | int]]:
-    """Train to the module's `max_steps`, going on from the folder's checkpoint where there is one.
+    """Train to the module's `max_steps`, resuming from the folder's checkpoint if there is one.
 
     Args:
-        module: What is trained; on the CPU and in evaluation mode afterwards.
-        data: Its samples.
+        module: Module to train; on the CPU and in evaluation mode afterwards.
+        data: Samples of each step.
         folder: The run folder.
-        machine: Where and how.
-        preview: Makes the callback that looks at the run under way.
+        machine: Device, matrix products and checkpoint interval.
+        preview: Makes the callback that previews the run.
 
     Returns:
-        Seconds of training, those before an interruption included, and what the fit used of this machine.
+        Seconds of training, those before an interruption included; and for the row's provenance: matrix products,
+        threads, device and kind of machine.
 
     Raises:
         InputError: The checkpoint cannot be read, or a loss is not finite.
@@ -79,16 +81,16 @@ def fit(
     done, before = read_checkpoint(path, module)
     gpu = machine.accelerator != "cpu" and torch.cuda.is_available()
     sizes = replace(module.sizes, device=torch.device("cuda" if gpu else "cpu"))
-    module.products = used(machine.products, sizes, before)
+    module.products = set_products(machine.products, sizes, before)
     if done:
         log.info("going on from step %d of %d", done, steps)
-    board = board_of(folder, purge_step=done or None)  # what was logged after the checkpoint comes again
+    logger = tensorboard_logger(folder, purge_step=done or None)  # steps after the checkpoint are logged again
     stop = StopRequests()
-    checkpoints = Checkpoints(path, machine.checkpoint_seconds, stop, done, noted(module.products, sizes))
+    checkpoints = Checkpoints(path, machine.checkpoint_seconds, stop, done, choice_record(module.products, sizes))
     callbacks: list[Callback] = [checkpoints, LearningRateMonitor("step"), StatusFile(folder, checkpoints.clock)]
     callbacks += [Progress(steps)]
-    callbacks += [preview(board.experiment)] if preview else []
-    trainer = _trainer(machine.accelerator, module.settings, board, callbacks)
+    callbacks += [preview(logger.experiment)] if preview else []
+    trainer = _trainer(machine.accelerator, module.settings, logger, callbacks)
     try:
         with stop.handled():
             trainer.fit(module, datamodule=data, ckpt_path=path if done else None, weights_only=True)
@@ -104,7 +106,7 @@ def fit(
     }
 
 
-def board_of(folder: Path, purge_step: int | None = None) -> TensorBoardLogger:
+def tensorboard_logger(folder: Path, purge_step: int | None = None) -> TensorBoardLogger:
     """The run's TensorBoard log; entries from `purge_step` on are replaced."""
     return TensorBoardLogger(folder, name="", version=BOARD, default_hp_metric=False, purge_step=purge_step)
 
@@ -122,15 +124,15 @@ def save_field(field: JointField, path: Path) -> None:
         raise OSError(errno.ENOSPC, "cannot be written", str(path)) from error
 
 
-def _trainer(accelerator: str, settings: FitSettings, board: TensorBoardLogger, callbacks: list[Callback]) -> Trainer:
-    """Lightning's loop without its own output, checkpoints and sanity checks."""
+def _trainer(accelerator: str, settings: FitSettings, logger: TensorBoardLogger, callbacks: list[Callback]) -> Trainer:
+    """Make Lightning's loop, without its own output, checkpoints and sanity checks."""
     try:
         return Trainer(
             accelerator=accelerator,
             devices=1,
             max_steps=settings.max_steps,
             max_epochs=-1,
-            logger=board,
+            logger=logger,
             callbacks=callbacks,
             log_every_n_steps=settings.log_every,
             enable_checkpointing=False,

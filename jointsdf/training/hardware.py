@@ -1,4 +1,4 @@
-"""Memory of the process: its peak, and whether freed memory is kept for reuse."""
+"""Memory of the process: its peak, and reuse of freed memory instead of its return to the system."""
 
 import ctypes
 import resource
@@ -8,13 +8,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt, from glibc's malloc.h
-KEPT_FREE, LARGEST_KEPT = 1 << 30, 1 << 25  # bytes: free memory kept in all; the largest piece that is reused
+KEPT_FREE, LARGEST_KEPT = 1 << 30, 1 << 25  # bytes: free memory kept in all; largest block that is reused
 DEFAULT_THRESHOLD = 128 * 1024  # glibc's M_MMAP_THRESHOLD and M_TRIM_THRESHOLD, from mallopt(3)
 STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 
 def reset_peak_memory() -> None:
-    """Start counting the peak anew, where the system can (Linux)."""
+    """Reset the peak, where the system can (Linux)."""
     try:
         RESET.write_text("5")
     except OSError:
@@ -32,17 +32,17 @@ def peak_memory_mb() -> float:
 
 @contextmanager
 def freed_memory_kept(most: int = KEPT_FREE) -> Iterator[bool]:
-    """Within the block memory that a step frees waits for the next step instead of going back to the system.
+    """Keep memory that a step frees for the next step within the block, by glibc's `mallopt`.
 
-    By its own rule glibc returns it, and every page comes back through a page fault: about a sixth of a step at the
-    size of `fast` on a virtual machine. Afterwards glibc's thresholds are those it starts with. Elsewhere nothing
-    happens.
+    By default glibc returns it to the system, and every page comes back through a page fault: about a sixth of a step
+    at the size of `fast` on a virtual machine. Afterwards glibc's thresholds are those it starts with. Without glibc
+    nothing happens.
 
     Args:
-        most: Bytes that may wait; more goes back.
+        most: Largest amount of free memory kept, bytes.
 
     Yields:
-        Whether it could be arranged.
+        Whether glibc accepted the thresholds.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is None:

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM during a fit: the run ends between two steps, and a second request ends it at once."""
+"""Ctrl-C and SIGTERM during a fit: the first one stops it between two steps, a second one at once."""
 
 import signal
 import threading
@@ -9,10 +9,10 @@ from typing import Any
 
 
 class StopRequests:
-    """Takes the two signals over while a fit lasts.
+    """Handlers of the two signals during a fit.
 
     Attributes:
-        signal: The signal that asked for the end; None as long as none has.
+        signal: The signal that requested a stop; None before.
     """
 
     def __init__(self) -> None:
@@ -20,7 +20,7 @@ class StopRequests:
 
     @contextmanager
     def handled(self) -> Iterator[None]:
-        """Within the block a first signal is noted, and a second one ends the process.
+        """Note a first signal within the block, and end the process at a second one.
 
         Raises:
             SystemExit: A signal came, with the exit code that a shell gives it.
@@ -37,16 +37,16 @@ class StopRequests:
                 signal.signal(number, handler)
 
     def take_over(self) -> dict[signal.Signals, Any]:
-        """Handle both signals; returns their handlers so far, none in a thread, which gets no signals."""
+        """Handle both signals and return their former handlers; none in a thread, where Python delivers no signals."""
         if threading.current_thread() is not threading.main_thread():
             return {}
         return {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
 
-    def raise_if_asked(self) -> None:
-        """End the fit where a signal came.
+    def raise_if_requested(self) -> None:
+        """End the fit if a signal came.
 
         Raises:
-            SystemExit: One did.
+            SystemExit: A signal came.
         """
         if self.signal is not None:
             raise SystemExit

@@ -1,4 +1,4 @@
-"""The training step: evaluate the field where the active terms need it, add the weighted terms, guard, log."""
+"""The training step: evaluate what the active terms need, add the weighted terms, refuse non-finite losses, log."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -21,7 +21,7 @@ from jointsdf.model.field import JointField
 from jointsdf.model.fused.evaluate import Evaluation, evaluate
 from jointsdf.model.fused.pieces import in_pieces
 from jointsdf.optimizers import Group, MuonAdam, parameter_groups
-from jointsdf.threads import MOST
+from jointsdf.threads import MAX_PIECE_POINTS
 from jointsdf.training.matrix_products import Products, Sizes
 from jointsdf.training.random_state import seeded
 from jointsdf.training.settings import FitSettings, Objective
@@ -29,7 +29,7 @@ from jointsdf.values import FieldValues, Samples, Step
 
 
 class NonFiniteLossError(InputError):
-    """A loss term or the gradient became NaN or infinite; the last checkpoint is from before."""
+    """A loss term or the gradient became NaN or infinite; the last checkpoint was written before."""
 
 
 class JointSDFModule(LightningModule):
@@ -42,7 +42,7 @@ class JointSDFModule(LightningModule):
         settings: Length and learning rates.
 
     Attributes:
-        products: Precision of the matrix products; the fit may choose another before it starts.
+        products: Precision of the matrix products; set by the fit before it starts.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class JointSDFModule(LightningModule):
         super().__init__()
         self.field, self.objective, self.optimizer, self.settings = field, objective, optimizer, settings
         self.products = Products()
-        self.drops = any(isinstance(layer, nn.Dropout) for layer in field.modules())
+        self.has_dropout = any(isinstance(layer, nn.Dropout) for layer in field.modules())
 
     def training_step(self, samples: Samples, batch_idx: int) -> Tensor:  # noqa: ARG002 (Lightning's signature)
         """The paper's objective on one step's samples."""
@@ -69,22 +69,22 @@ class JointSDFModule(LightningModule):
             raise NonFiniteLossError(
                 f"loss term {name} is {loss.item()} at step {self.global_step}: lower the learning rate or its weight"
             )
-        if self.logs:
-            self.report({f"loss/{name}": loss for name, loss in losses.items()})
+        if self.is_logged_step:
+            self.log_scalars({f"loss/{name}": loss for name, loss in losses.items()})
         return losses["total"]
 
     @property
-    def logs(self) -> bool:
-        """Whether this step's numbers are written."""
+    def is_logged_step(self) -> bool:
+        """True if this step's scalars are logged."""
         return (self.global_step + 1) % self.settings.log_every == 0
 
-    def report(self, numbers: Mapping[str, Tensor]) -> None:
-        """Write numbers of this step to the board at once: Lightning's own `log` copies all it holds at every call."""
+    def log_scalars(self, scalars: Mapping[str, Tensor]) -> None:
+        """Log scalars of this step directly: Lightning's own `log` copies all it holds at every call."""
         if self.logger is not None:
-            self.logger.log_metrics({name: number.item() for name, number in numbers.items()}, self.global_step)
+            self.logger.log_metrics({name: value.item() for name, value in scalars.items()}, self.global_step)
 
     def evaluate(self, samples: Samples, needs: Needs) -> Step:
-        """Evaluate the field once per point set, no more than is needed."""
+        """Evaluate the field once per point set, and there only what is needed."""
         fields = {
             name: self._evaluate_set(getattr(samples, name), samples.angles, wanted) for name, wanted in needs.items()
         }
@@ -110,7 +110,7 @@ class JointSDFModule(LightningModule):
 
     def _logits(self, features: Float[Tensor, "n i"]) -> Float[Tensor, "n k"]:
         head = self.field.head
-        if not (self.drops and head.training):
+        if not (self.has_dropout and head.training):
             return in_pieces(head, features)
         with seeded(hash((self.settings.seed, self.global_step)), features.device):
             logits: Tensor = head(features)
@@ -123,9 +123,9 @@ class JointSDFModule(LightningModule):
 
     @property
     def sizes(self) -> Sizes:
-        """What a step multiplies."""
+        """Sizes of a step's matrix products."""
         width, depth = self.field.trunk.feature_width - 3, len(self.field.trunk.sine_layers)
-        return Sizes(MOST, width, depth - 1, self.device)
+        return Sizes(MAX_PIECE_POINTS, width, depth - 1, self.device)
 
     def configure_optimizers(self) -> OptimizerLRSchedulerConfig:
         """The optimizer over the named groups, and the learning-rate schedule by step."""
@@ -134,19 +134,19 @@ class JointSDFModule(LightningModule):
         if isinstance(optimizer, MuonAdam):
             optimizer.muon.dtype = self.products.dtype("orthogonalisation")
 
-        def of_head(step: int) -> float:  # plain functions: LambdaLR would store a method's attributes in checkpoints
+        def head_rate(step: int) -> float:  # plain functions: LambdaLR would store a method's attributes in checkpoints
             return self.rate(step)
 
-        def of_trunk(step: int) -> float:
+        def trunk_rate(step: int) -> float:
             return self.settings.trunk_rate * self.rate(step)
 
         rates: list[Callable[[int], float]] = [
-            of_head if group["name"] == "head" else of_trunk for group in optimizer.param_groups
+            head_rate if group["name"] == "head" else trunk_rate for group in optimizer.param_groups
         ]
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": LambdaLR(optimizer, rates), "interval": "step"}}
 
     def rate(self, step: int) -> float:
-        """Factor on every learning rate at this step, beside `trunk_rate`."""
+        """Factor on every learning rate at this step: linear warm-up times half cosine, without `trunk_rate`."""
         steps, warmup = self.settings.max_steps, self.settings.warmup
         rising = min(1.0, (step + 1) / max(1.0, warmup * steps))
         return rising * (0.5 * (1 + math.cos(math.pi * min(step / steps, 1.0))) if self.settings.cosine else 1.0)
@@ -157,7 +157,7 @@ class JointSDFModule(LightningModule):
         gradient_clip_val: float | None = None,  # noqa: ARG002
         gradient_clip_algorithm: str | None = None,  # noqa: ARG002
     ) -> None:
-        """Clip trunk and head apart, so that neither's scale decides the other's step."""
+        """Clip trunk and head separately, so that neither's scale decides the other's step."""
         for name, part in (("trunk", self.field.trunk), ("head", self.field.head)):
             parameters = list(part.parameters())
             if not parameters:  # head=none
@@ -167,18 +167,18 @@ class JointSDFModule(LightningModule):
                 raise NonFiniteLossError(
                     f"gradient norm of the {name} is {norm.item()} at step {self.global_step}: lower the learning rate"
                 )
-            if self.logs:
-                self.report({f"gradient_norm/{name}": norm})
+            if self.is_logged_step:
+                self.log_scalars({f"gradient_norm/{name}": norm})
 
 
 def merged_needs(terms: Mapping[str, Term]) -> Needs:
-    """The union of what the terms need, per point set.
+    """Union of the terms' needs, per point set.
 
     Args:
-        terms: By name.
+        terms: Loss terms by name.
 
     Raises:
-        InputError: Two terms want different mixed derivatives on one point set, of which a step computes one.
+        InputError: Two terms want different mixed derivatives on one point set, where a step computes one.
     """
     merged: dict[str, frozenset[str | Mixed]] = {}
     first: dict[str, tuple[str, Mixed]] = {}

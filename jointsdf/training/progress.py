@@ -1,4 +1,4 @@
-"""Word of how far a fit is: for the screen, and for whoever looks at the run folder."""
+"""Progress of a fit, on screen and in the run folder."""
 
 import math
 import time
@@ -13,11 +13,11 @@ from jointsdf.phases import tell
 from jointsdf.runs.status import note_progress
 from jointsdf.training.checkpoints import TrainingClock
 
-TELL_SECONDS, REPORT_SECONDS = 0.2, 5.0
+SCREEN_SECONDS, FILE_SECONDS = 0.2, 5.0  # between two updates
 
 
 class Progress(Callback):
-    """Shows steps done of all, loss and steps per second.
+    """Shows steps done, loss and steps per second.
 
     Args:
         max_steps: Length of the run.
@@ -25,11 +25,11 @@ class Progress(Callback):
 
     def __init__(self, max_steps: int) -> None:
         self.max_steps = max_steps
-        self.told_at, self.told_step = 0.0, 0
+        self.updated_at, self.updated_step = 0.0, 0
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:  # noqa: ARG002
-        """Begin where a resumed run goes on."""
-        self.told_at, self.told_step = time.monotonic(), trainer.global_step
+        """Show the step from which the fit starts or resumes."""
+        self.updated_at, self.updated_step = time.monotonic(), trainer.global_step
         tell(trainer.global_step, self.max_steps)
 
     def on_train_batch_end(
@@ -39,18 +39,18 @@ class Progress(Callback):
         outputs: Tensor | Mapping[str, Any] | None,
         *_: Any,
     ) -> None:
-        """Tell a few times a second: fetching the loss makes a GPU wait."""
-        step, seconds = trainer.global_step, time.monotonic() - self.told_at
-        if seconds < TELL_SECONDS and step < self.max_steps:
+        """Update a few times a second: fetching the loss makes a GPU wait."""
+        step, seconds = trainer.global_step, time.monotonic() - self.updated_at
+        if seconds < SCREEN_SECONDS and step < self.max_steps:
             return
         loss = float(outputs["loss"]) if isinstance(outputs, Mapping) else math.nan
-        speed = (step - self.told_step) / max(seconds, 1e-9)
+        speed = (step - self.updated_step) / max(seconds, 1e-9)
         tell(step, facts=f"loss {loss:.3f}  {speed:.1f} it/s")
-        self.told_at, self.told_step = time.monotonic(), step
+        self.updated_at, self.updated_step = time.monotonic(), step
 
 
 class StatusFile(Callback):
-    """Writes to the run folder how far the fit is.
+    """Writes the progress of the fit to the run folder.
 
     Args:
         folder: The run folder.
@@ -58,17 +58,17 @@ class StatusFile(Callback):
     """
 
     def __init__(self, folder: Path, clock: TrainingClock) -> None:
-        self.folder, self.clock, self.told_at = folder, clock, 0.0
+        self.folder, self.clock, self.updated_at = folder, clock, 0.0
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:  # noqa: ARG002
-        """Tell where a resumed fit goes on."""
-        self._tell(trainer)
+        """Write the step from which the fit starts or resumes."""
+        self._write(trainer)
 
     def on_train_batch_end(self, trainer: Trainer, *_: Any) -> None:
-        """Tell when it is time."""
-        if trainer.global_step >= trainer.max_steps or time.monotonic() - self.told_at >= REPORT_SECONDS:
-            self._tell(trainer)
+        """Write every few seconds, and after the last step."""
+        if trainer.global_step >= trainer.max_steps or time.monotonic() - self.updated_at >= FILE_SECONDS:
+            self._write(trainer)
 
-    def _tell(self, trainer: Trainer) -> None:
+    def _write(self, trainer: Trainer) -> None:
         note_progress(self.folder, trainer.global_step, trainer.max_steps, self.clock.seconds)
-        self.told_at = time.monotonic()
+        self.updated_at = time.monotonic()

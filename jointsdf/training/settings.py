@@ -1,4 +1,4 @@
-"""Settings of a fit: its objective, its length and its learning rates."""
+"""Settings of a fit: objective, length and learning rates."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,11 +14,11 @@ class Objective:
 
     Attributes:
         terms: Loss terms by name.
-        weights: Weight of each term, under the same names. Weight 0: the term is not computed.
+        weights: Weight of each term, under the same names. A term of weight 0 is not computed.
         schedules: Factor on the weight over the run, for the terms that have one.
 
     Raises:
-        InputError: Names that differ, a negative weight, or no weight above 0.
+        InputError: The names differ, a weight is negative, or none is above 0.
     """
 
     terms: Mapping[str, Term]
@@ -35,7 +35,7 @@ class Objective:
             raise InputError(f"loss.weights={dict(self.weights)}: one of them must be > 0")
 
     def active_weights(self, share: float) -> dict[str, float]:
-        """Weight of every term that counts when this share of the steps (0..1) is done; terms at 0 are left out."""
+        """Weights above 0 when this share of the steps (0..1) is done."""
         scheduled = {
             name: weight * (self.schedules[name](share) if name in self.schedules else 1.0)
             for name, weight in self.weights.items()
@@ -49,13 +49,13 @@ class FitSettings:
 
     Attributes:
         max_steps: Length of the run.
-        seed: Of the run; dropout masks are a function of (seed, step).
-        head_lr: Learning rate of the head where it is not the optimizer's own.
+        seed: Seed of the run; dropout masks are a function of (seed, step).
+        head_lr: Learning rate of the head; None for the optimizer's own.
         clip: Largest gradient norm, of the trunk and of the head each.
         cosine: Whether every learning rate falls to 0 along a half cosine.
         warmup: Share of the steps over which the rates rise linearly from 0.
         trunk_rate: Factor on the trunk's learning rates.
-        log_every: Steps between two that are logged.
+        log_every: Steps between two logged ones.
 
     Raises:
         InputError: A value out of its range.

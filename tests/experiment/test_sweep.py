@@ -1,56 +1,24 @@
-"""Sweeps that survive: what is finished is left alone, what fails costs itself only, and the end says how all stand."""
+"""Sweeps in one process: finished runs are left alone, a failed one stops no other, the last line counts all."""
 
-import csv
-import fcntl
 import json
 import os
 import re
-import shutil
 import signal
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
-import yaml
-from command_line import PLACE, QUICK, ROOT, Answer, call, finished, train
-from omegaconf import OmegaConf
+from command_line import PLACE, train
+from run_folders import contents, folders_with, row_of
+from steps import forbid_training
 
-from jointsdf.experiment import build, sweep
+from jointsdf.experiment import sweep
 from jointsdf.model.heads.relu import ReluHead
 from jointsdf.runs import status
-from jointsdf.runs.lock import Busy, lock
-from jointsdf.runs.row import config_hash
+from jointsdf.runs.lock import lock
 from jointsdf.study.__main__ import main as study
 from jointsdf.training.module import JointSDFModule
 
 pytestmark = pytest.mark.filterwarnings("default")
-SWEEPS = sorted(path.stem for path in (ROOT / "sweeps").glob("*.yaml"))
-HEADS = ("none", "relu", "siren", "hybrid", "deep_skip")
 TWO = ("-m", "head=none,siren")
-
-
-def stored(name: str) -> dict:
-    return yaml.safe_load((ROOT / "sweeps" / f"{name}.yaml").read_text())
-
-
-def swept(name: str, key: str) -> list[str]:
-    values = stored(name)["hydra"]["sweeper"]["params"][key]
-    return [value.strip() for value in values.split(",")]
-
-
-def contents(folder: Path) -> dict[Path, tuple[int, bytes]]:
-    return {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in folder.rglob("*") if path.is_file()}
-
-
-def folders_with(name: str, outputs: Path) -> list[str]:
-    return sorted(path.parent.relative_to(outputs).as_posix() for path in outputs.rglob(name))
-
-
-def row_of(folder: Path) -> dict:
-    return json.loads((folder / "result.json").read_text())
 
 
 def without_times(text: str) -> str:
@@ -58,90 +26,14 @@ def without_times(text: str) -> str:
 
 
 @pytest.fixture
-def composed(monkeypatch) -> list:
-    """The configs of the runs that a sweep makes; nothing is run."""
-    configs: list = []
-    monkeypatch.setattr(sweep, "run_one", lambda cfg: configs.append(cfg.copy()))
-    return configs
-
-
-@pytest.fixture
 def scores(monkeypatch) -> list[float | None]:
     """What the runs of a sweep return to Hydra, in their order."""
     returned: list[float | None] = []
     original = sweep.run_one
-    monkeypatch.setattr(sweep, "run_one", lambda *args, **how: returned.append(original(*args, **how)) or returned[-1])
+    monkeypatch.setattr(
+        sweep, "run_one", lambda *args, **options: returned.append(original(*args, **options)) or returned[-1]
+    )
     return returned
-
-
-def test_the_stored_sweeps_are_the_papers_and_the_ablations() -> None:
-    assert {"main", "paired", "builtin", "smoke"} < set(SWEEPS)
-    abc, parts = [f"abc_{n:04d}" for n in range(1, 51)], [f"part_{n:02d}" for n in range(1, 51)]
-    assert (swept("main", "shape"), swept("main", "head")) == (abc, list(HEADS[1:]))
-    assert (swept("paired", "shape"), swept("paired", "head")) == (abc, list(HEADS))
-    assert (swept("builtin", "shape"), swept("builtin", "head")) == (parts, list(HEADS))
-    assert (swept("points", "shape"), swept("points", "head")) == (abc, ["none", "hybrid"])
-    assert set(swept("smoke", "shape")) < set(parts)
-    assert len(swept("smoke", "shape")) * len(swept("smoke", "head")) >= 4
-
-
-@pytest.mark.parametrize("name", SWEEPS)
-def test_a_stored_sweep_makes_the_runs_that_it_says(tmp_path, composed, name) -> None:
-    """Narrowed to one of its shapes by the command line."""
-    shape = swept(name, "shape")[0]
-    answer = call("train.py", f"sweeps={name}", f"shape={shape}", f"paths.outputs={tmp_path}", "paths.abc_root=/data")
-    params = {key: values.count(",") + 1 for key, values in stored(name)["hydra"]["sweeper"]["params"].items()}
-    del params["shape"]
-    count = 1
-    for values in params.values():
-        count *= values
-    assert answer.code == 1, "nothing was run"
-    assert answer.lines[-1] == f"{count} runs: 0 done, 0 skipped, 0 failed, {count} missing"
-    assert len(composed) == count
-    assert {cfg.shape for cfg in composed} == {shape}
-    assert {cfg.study for cfg in composed} == {name}
-    assert {cfg.paths.abc_missing for cfg in composed} == {"error" if shape.startswith("abc") else "fallback"}
-    assert {cfg.recipe for cfg in composed} == {name if name in ("smoke", "points") else "fast"}
-    for cfg in composed:
-        build.check_config(cfg)
-    wanted = [build.folder_of(cfg) for cfg in composed]
-    assert status.planned_runs(tmp_path / name) == wanted
-    assert len(set(wanted)) == count, "every run has a folder of its own"
-
-
-@pytest.mark.parametrize("name", [name for name in SWEEPS if (ROOT / "results" / name / "runs.csv").is_file()])
-def test_the_committed_rows_are_of_the_runs_that_the_sweep_makes(tmp_path, composed, name) -> None:
-    """What decides their numbers, shape and seed apart, is the same, so that no clone makes them again."""
-    with (ROOT / "results" / name / "runs.csv").open(newline="") as file:
-        made = {(row["variant"], row["head"]): row["settings_hash"] for row in csv.DictReader(file)}
-    shape = swept(name, "shape")[0]
-    call("train.py", f"sweeps={name}", f"shape={shape}", f"paths.outputs={tmp_path}", "paths.abc_root=/data")
-    wanted = {}
-    for cfg in composed:
-        build.check_config(cfg)
-        settings = OmegaConf.to_container(cfg, resolve=True)
-        wanted[cfg.variant, cfg.head.name] = config_hash(build.shared_settings(settings))
-    shared = wanted.keys() & made.keys()
-    assert shared
-    assert {key: wanted[key] for key in shared} == {key: made[key] for key in shared}
-
-
-def test_the_borders_of_the_recipe_are_one_side_of_the_comparison(tmp_path, composed) -> None:
-    """So that `main` has that side already."""
-    run = ("shape=part_02", "head=siren", f"paths.outputs={tmp_path}")
-    call("train.py", "sweeps=boundaries", *run)
-    call("train.py", "sweeps=main", "paths.abc_missing=fallback", *run)
-    plain, balanced, default = ((cfg.data.counts.balanced, cfg.data.counts.borders) for cfg in composed)
-    assert plain == (0.0, 0.0)
-    assert balanced == default
-
-
-def test_the_command_line_narrows_any_axis(tmp_path, composed) -> None:
-    call("train.py", "sweeps=ablation_tap", "shape=part_02,part_03", "trunk.tap=2", f"paths.outputs={tmp_path}")
-    assert [(cfg.shape, cfg.trunk.tap, cfg.variant) for cfg in composed] == [
-        ("part_02", 2, "tap=2"),
-        ("part_03", 2, "tap=2"),
-    ]
 
 
 def test_a_finished_run_is_skipped_untouched_and_its_score_returned(tmp_path, scores) -> None:
@@ -219,12 +111,6 @@ def test_another_config_in_the_folder_is_refused_with_both_hashes_and_left_as_it
     assert row_of(tmp_path / PLACE)["provenance"]["config_hash"] == here
 
 
-@pytest.mark.usefixtures("composed")
-def test_runs_that_share_a_folder_are_named(tmp_path) -> None:
-    answer = train(tmp_path, "-m", "trunk.tap=2,3")
-    assert "2 runs share 1 folders: name what differs in variant=, e.g. 'variant=tap=${trunk.tap}'" in answer.text
-
-
 def test_a_damaged_result_is_reported_and_the_run_done_again(tmp_path) -> None:
     assert train(tmp_path, *TWO).code == 0
     scores = row_of(tmp_path / PLACE)["scores"]
@@ -283,10 +169,7 @@ def test_committed_rows_count_as_finished_in_any_clone(tmp_path, monkeypatch, sc
     assert train(tmp_path / "here", *common).code == 0
     assert study(["results", "mine", str(tmp_path / "here"), "--results", str(tmp_path / "results")]) == 0
 
-    def forbidden(*_):
-        raise AssertionError("trained again")
-
-    monkeypatch.setattr(JointSDFModule, "training_step", forbidden)
+    forbid_training(monkeypatch)
     answer = train(tmp_path / "clone", *common)
     assert answer.code == 0, answer.text
     assert answer.lines[-1] == "2 runs: 0 done, 2 skipped, 0 failed, 0 missing"
@@ -319,148 +202,3 @@ def test_an_engine_that_is_not_installed_is_one_line(tmp_path, engine, monkeypat
     assert answer.code == 2
     assert answer.lines[-1] == f"error: hydra/launcher={engine} is not installed: pip install '.[{engine}]'"
     assert not (tmp_path / "out").exists()
-
-
-HOLD = """
-import sys, time
-from pathlib import Path
-from jointsdf.runs import status
-from jointsdf.runs.lock import lock
-with lock(Path(sys.argv[1]), wait=False):
-    status.begin(Path(sys.argv[1]))
-    status.note_progress(Path(sys.argv[1]), 7, 20, 14.0)
-    print("held", flush=True)
-    time.sleep(float(sys.argv[2]))
-"""
-
-
-@pytest.fixture
-def held(tmp_path) -> Iterator[subprocess.Popen]:
-    """Another process that works on the run folder until it is killed."""
-    command = [sys.executable, "-c", HOLD, str(tmp_path / PLACE), "3600"]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "held\n"
-        yield process
-        process.kill()
-
-
-def test_a_lock_keeps_others_out_and_dies_with_its_process(tmp_path, held) -> None:
-    folder = tmp_path / PLACE
-    assert status.read_state(folder) == status.RunState("running", 7, 20, 14.0)
-    with pytest.raises(Busy), lock(folder, wait=False):
-        raise AssertionError("two at once")
-    held.send_signal(signal.SIGKILL)
-    held.wait()
-    assert status.read_state(folder) == status.RunState("stopped", 7, 20, 14.0)
-    with lock(folder, wait=False):
-        assert (folder / ".lock").exists()
-    assert not (folder / ".lock").exists()
-
-
-def test_a_run_of_another_process_is_looked_at_again_in_the_end(tmp_path, held, monkeypatch) -> None:
-    original = sweep.wait_for_postponed
-
-    def other_dies_first() -> None:
-        assert folders_with("result.json", tmp_path) == ["smoke/base/none/part_01/seed0"], "went on with the next"
-        held.send_signal(signal.SIGKILL)
-        original()
-
-    monkeypatch.setattr(sweep, "wait_for_postponed", other_dies_first)
-    answer = train(tmp_path, "-m", "head=siren,none")
-    assert answer.code == 0, answer.text
-    assert f"{tmp_path / PLACE}: another process works on it; it is looked at again in the end" in answer.lines
-    assert answer.lines[-1] == "2 runs: 2 done, 0 skipped, 0 failed, 0 missing"
-
-
-def start(outputs: Path, *overrides: str) -> subprocess.Popen:
-    command = [sys.executable, ROOT / "train.py", *QUICK, f"paths.outputs={outputs}", *overrides]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
-    pipe = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    return subprocess.Popen(command, env=environment, cwd=outputs.parent, **pipe)
-
-
-def output_of(process: subprocess.Popen) -> Answer:
-    text = process.communicate(timeout=1500)[0]
-    return Answer(process.returncode, text)
-
-
-def wait_until(happened, process: subprocess.Popen, seconds: float = 300) -> None:
-    until = time.monotonic() + seconds
-    while not happened() and process.poll() is None and time.monotonic() < until:
-        time.sleep(0.02)
-    assert happened(), process.communicate()[0] if process.poll() is not None else "too slow"
-
-
-SMOKE = ("sweeps=smoke", "shape=part_01", "trainer.max_steps=40", "trainer.checkpoint_seconds=0")
-
-
-@pytest.mark.slow
-def test_kill_9_half_way_and_the_second_start_finishes_only_the_rest(tmp_path) -> None:
-    out = tmp_path / "out"
-    with start(out, *SMOKE) as process:
-        wait_until(lambda: len(folders_with("result.json", out)) == 2 and folders_with("last.ckpt", out), process)
-        process.kill()
-    assert process.returncode == -signal.SIGKILL
-    finished_before = folders_with("result.json", out)
-    before = {name: contents(out / name) for name in finished_before}
-    assert 2 <= len(finished_before) < 5
-    second = output_of(start(out, *SMOKE))
-    assert second.code == 0, second.text
-    rest = 5 - len(finished_before)
-    assert second.lines[-1] == f"5 runs: {rest} done, {5 - rest} skipped, 0 failed, 0 missing"
-    assert {name: contents(out / name) for name in finished_before} == before
-    assert len(folders_with("result.json", out)) == 5
-    assert not folders_with("status.json", out) + folders_with(".lock", out) + folders_with("last.ckpt", out)
-
-
-@pytest.mark.slow
-def test_two_sweeps_at_once_do_every_run_once(tmp_path) -> None:
-    out = tmp_path / "out"
-    answers = [output_of(process) for process in [start(out, *SMOKE), start(out, *SMOKE)]]
-    assert [answer.code for answer in answers] == [0, 0], answers
-    counts = [re.fullmatch(r"5 runs: (\d) done, (\d) skipped, 0 failed, 0 missing", a.lines[-1]) for a in answers]
-    made = [len([line for line in answer.lines if line.startswith("[")]) for answer in answers]
-    assert all(counts)
-    assert len(folders_with("result.json", out)) == 5
-    assert not folders_with(".lock", out)
-    assert max(made) <= 5
-    writers = [{path.name.split(".")[-2] for path in tb.glob("events*")} for tb in out.glob("smoke/*/*/*/seed0/tb")]
-    assert [len(processes) for processes in writers] == [1] * 5, "a run that two processes write"
-
-
-@pytest.fixture
-def when_waiting(monkeypatch) -> Callable[[Callable[[], object]], None]:
-    """Has something done as soon as a run waits for another process."""
-    original = fcntl.flock
-
-    def arrange(action: Callable[[], object]) -> None:
-        def flock(file, how: int) -> None:
-            if how == fcntl.LOCK_EX:
-                action()
-            original(file, how)
-
-        monkeypatch.setattr(fcntl, "flock", flock)
-
-    return arrange
-
-
-def test_a_plain_run_waits_for_the_other_process(tmp_path, held, when_waiting) -> None:
-    when_waiting(held.kill)
-    answer = train(tmp_path)
-    assert answer.code == 0, answer.text
-    assert f"{tmp_path / PLACE}: another process works on it; waiting for that one" in answer.lines
-    assert folders_with("result.json", tmp_path) == [PLACE.as_posix()]
-
-
-def test_a_run_that_the_other_process_has_finished_meanwhile_is_not_made_again(tmp_path, held, when_waiting) -> None:
-    made = finished()
-
-    def finish() -> None:
-        shutil.copytree(made, tmp_path / PLACE, dirs_exist_ok=True)
-        held.kill()
-
-    when_waiting(finish)
-    answer = train(tmp_path)
-    assert answer.code == 0, answer.text
-    assert row_of(tmp_path / PLACE) == row_of(finished())

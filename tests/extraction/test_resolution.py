@@ -11,7 +11,7 @@ import pytest
 from analytic import box_distance
 from command_line import train
 
-from jointsdf.experiment import run as experiment
+from jointsdf.experiment import measurement
 from jointsdf.experiment.tensorboard import extract
 from jointsdf.extraction import resolution as module
 from jointsdf.extraction.extractor import Extraction
@@ -133,7 +133,7 @@ def test_a_run_takes_the_finer_grid_and_its_row_says_so(tmp_path: Path, monkeypa
     """`auto` of a shape without thin walls starts at 256; here the ladder is short, and the fit too short for it."""
     monkeypatch.setattr(module, "LADDER", (16,))
     finer = Extraction(24, borders="split")
-    monkeypatch.setattr(experiment, "refine_until_stable", lambda _, sdf: (finer, finer.surface(sdf)))
+    monkeypatch.setattr(measurement, "refine_until_stable", lambda _, sdf: (finer, finer.surface(sdf)))
     assert train(tmp_path, "extraction.resolution=auto").code == 0
     row = json.loads(next(tmp_path.rglob("result.json")).read_text())
     assert row["provenance"]["resolution"] == 24

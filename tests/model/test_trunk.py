@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Callable
 
 import pytest
 import torch
@@ -10,25 +9,10 @@ from torch import Tensor
 
 from jointsdf.errors import InputError
 from jointsdf.model import trunk as trunk_module
-from jointsdf.model.field import JointField
 from jointsdf.model.trunk import SirenTrunk
 from jointsdf.values import BOX
 
-BuildField = Callable[..., JointField]
-FULL_HEADS: dict[str, dict[str, object]] = {  # the sizes of the method
-    "relu": {"widths": [256, 128], "dropout": 0.2},
-    "siren": {"widths": [256, 128], "omega": 30.0},
-    "hybrid": {"widths": [256, 128], "omega": 30.0, "dropout": 0.2},
-    "deep_skip": {"widths": [256, 256, 256, 128], "omega": 30.0},
-}
-LAYERS = {  # (inputs, units) of every linear layer, the classifier apart
-    "relu": [(259, 256), (256, 128)],
-    "siren": [(259, 256), (256, 128)],
-    "hybrid": [(259, 256), (256, 128)],
-    "deep_skip": [(259, 256), (256, 256), (771, 256), (256, 128)],
-}
 ROOT6 = math.sqrt(6)
-KAIMING = {("relu", 0), ("relu", 1), ("hybrid", 1)}
 
 
 def fills(parameter: Tensor, bound: float) -> bool:

@@ -1,105 +1,18 @@
-"""A run that is stopped, in any way and at any moment, goes on to the same weights by the same command."""
+"""Checkpoints: a stopped run resumes from them to the same weights, and unusable ones are refused in one line."""
 
-import json
 import os
 import signal
-import subprocess
-import sys
-import time
 
 import pytest
 import torch
-from command_line import PLACE, QUICK, ROOT, finished, train
+from command_line import train
+from run_folders import assert_same_weights, checkpoint, finished_weights, own_copy, row_of, weights
+from steps import count_steps, forbid_training, stop_at
 
-from jointsdf.experiment import run as experiment
+from jointsdf.experiment import run
 from jointsdf.training.checkpoints import Checkpoints
-from jointsdf.training.module import JointSDFModule
 
 pytestmark = pytest.mark.filterwarnings("default")
-TEN = ("trainer.max_steps=10", "trainer.log_every=5")
-
-
-def weights(outputs):
-    (path,) = outputs.rglob("field.ckpt")
-    return torch.load(path, weights_only=True)["state"]
-
-
-def checkpoint(outputs):
-    (path,) = outputs.rglob("last.ckpt")
-    return torch.load(path, weights_only=True)
-
-
-def assert_same_weights(one, other):
-    assert one.keys() == other.keys()
-    for name in one:
-        assert torch.equal(one[name], other[name]), name
-
-
-def stop_at(monkeypatch, step, number):
-    """Make the process send itself a signal in the middle of this step."""
-    original = JointSDFModule.training_step
-
-    def training_step(self, samples, batch_idx):
-        if self.global_step == step:
-            os.kill(os.getpid(), number)
-        return original(self, samples, batch_idx)
-
-    monkeypatch.setattr(JointSDFModule, "training_step", training_step)
-
-
-def counted(monkeypatch):
-    """The steps that are trained from here on."""
-    steps, original = [], JointSDFModule.training_step
-
-    def training_step(self, samples, batch_idx):
-        steps.append(self.global_step)
-        return original(self, samples, batch_idx)
-
-    monkeypatch.setattr(JointSDFModule, "training_step", training_step)
-    return steps
-
-
-@pytest.mark.parametrize(
-    ("number", "overrides"),
-    [
-        (signal.SIGINT, ["head=relu"]),
-        (signal.SIGTERM, ["head=hybrid", "trainer.preview_every=3"]),
-        (signal.SIGTERM, ["head=deep_skip", "data.workers=2"]),
-        (signal.SIGINT, ["head=none", "optimizer=adam", "data.counts.balanced=0"]),
-    ],
-)
-def test_ten_steps_are_five_and_five_more(tmp_path, monkeypatch, number, overrides):
-    whole, halves = tmp_path / "whole", tmp_path / "halves"
-    first = train(whole, *TEN, *overrides)
-    assert first.code == 0, first.text
-    with monkeypatch.context() as patch:
-        stop_at(patch, 4, number)
-        stopped = train(halves, *TEN, *overrides)
-    assert stopped.code == 128 + number
-    assert "stopped after step 5 of 10; the same command goes on from there" in stopped.lines
-    assert "Traceback" not in stopped.text
-    assert checkpoint(halves)["global_step"] == 5
-    assert not list(halves.rglob("result.json"))
-
-    steps = counted(monkeypatch)
-    resumed = train(halves, *TEN, *overrides)
-    assert resumed.code == 0, resumed.text
-    assert "going on from step 5 of 10" in resumed.lines
-    assert steps == [5, 6, 7, 8, 9]
-    assert_same_weights(weights(whole), weights(halves))
-
-
-def test_any_number_of_workers_gives_the_same_weights(tmp_path):
-    for workers in (0, 2):
-        assert train(tmp_path / str(workers), *TEN, f"data.workers={workers}").code == 0
-    assert_same_weights(weights(tmp_path / "0"), weights(tmp_path / "2"))
-
-
-def test_another_seed_gives_other_weights(tmp_path):
-    for seed in (0, 1):
-        assert train(tmp_path / str(seed), f"seed={seed}").code == 0
-    first, second = weights(tmp_path / "0"), weights(tmp_path / "1")
-    assert not torch.equal(first["trunk.output.weight"], second["trunk.output.weight"])
 
 
 def test_a_run_stopped_after_its_fit_is_not_trained_again(tmp_path, monkeypatch):
@@ -107,17 +20,14 @@ def test_a_run_stopped_after_its_fit_is_not_trained_again(tmp_path, monkeypatch)
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(experiment, "measure", interrupted)
+        patch.setattr(run, "measure", interrupted)
         stopped = train(tmp_path)
     assert stopped.code == 130
     assert "Traceback" not in stopped.text
     fitted = checkpoint(tmp_path)["state_dict"]
     assert checkpoint(tmp_path)["global_step"] == 4
 
-    def forbidden(*_):
-        raise AssertionError("trained again")
-
-    monkeypatch.setattr(JointSDFModule, "training_step", forbidden)
+    forbid_training(monkeypatch)
     again = train(tmp_path)
     assert again.code == 0, again.text
     assert len(list(tmp_path.rglob("result.json"))) == 1
@@ -129,12 +39,12 @@ def test_resume_never_starts_over(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         stop_at(patch, 1, signal.SIGTERM)
         assert train(tmp_path).code == 143
-    steps = counted(monkeypatch)
+    steps = count_steps(monkeypatch)
     answer = train(tmp_path, "resume=never")
     assert answer.code == 0
     assert "going on" not in answer.text
     assert steps == [0, 1, 2, 3]
-    assert_same_weights(weights(tmp_path), weights(finished().parents[len(PLACE.parts) - 1]))
+    assert_same_weights(weights(tmp_path), finished_weights())
 
 
 def test_a_checkpoint_of_torchs_muon_is_refused_by_name(tmp_path, monkeypatch):
@@ -152,60 +62,7 @@ def test_a_checkpoint_of_torchs_muon_is_refused_by_name(tmp_path, monkeypatch):
     assert answer.lines[-1].startswith("error: the checkpoint holds the state of torch.optim.Muon")
     assert "Traceback" not in answer.text
     assert train(tmp_path, "resume=never").code == 0
-    assert_same_weights(weights(tmp_path), weights(finished().parents[len(PLACE.parts) - 1]))
-
-
-def test_a_checkpoints_choice_of_products_goes_on(tmp_path, monkeypatch):
-    """Whatever is measured or kept meanwhile."""
-    with monkeypatch.context() as patch:
-        stop_at(patch, 1, signal.SIGTERM)
-        assert train(tmp_path, "trainer.orthogonalisation=bfloat16").code == 143
-    assert checkpoint(tmp_path)["callbacks"]["Checkpoints"]["products"]["products"]["orthogonalisation"] == "bfloat16"
-    answer = train(tmp_path)
-    assert answer.code == 0
-    assert "orthogonalisation in bfloat16 (of the checkpoint)" in answer.text
-    (row,) = tmp_path.rglob("result.json")
-    assert json.loads(row.read_text())["provenance"]["orthogonalisation"] == "bfloat16"
-
-
-@pytest.mark.parametrize("hook", ["on_train_start", "on_train_end"])
-def test_a_signal_before_the_first_and_after_the_last_step_is_not_lost(tmp_path, monkeypatch, hook):
-    original = getattr(Checkpoints, hook)
-
-    def signalled(*arguments):
-        os.kill(os.getpid(), signal.SIGTERM)
-        original(*arguments)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Checkpoints, hook, signalled)
-        assert train(tmp_path).code == 143
-    assert not list(tmp_path.rglob("result.json"))
-    assert train(tmp_path).code == 0
-    assert_same_weights(weights(tmp_path), weights(finished().parents[len(PLACE.parts) - 1]))
-
-
-def test_the_second_signal_ends_the_run_at_once(tmp_path, monkeypatch):
-    original = JointSDFModule.training_step
-
-    def training_step(self, samples, batch_idx):
-        if self.global_step == 2:
-            os.kill(os.getpid(), signal.SIGINT)
-            os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(0.01)
-            raise AssertionError("went on")
-        return original(self, samples, batch_idx)
-
-    monkeypatch.setattr(JointSDFModule, "training_step", training_step)
-    answer = train(tmp_path, "trainer.checkpoint_seconds=0")
-    assert answer.code == 130
-    assert "stopped after step 2 of 4; the same command goes on from there" in answer.lines
-    assert checkpoint(tmp_path)["global_step"] == 2
-
-
-def test_the_handlers_of_the_process_come_back(tmp_path):
-    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
-    assert train(tmp_path).code == 0
-    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+    assert_same_weights(weights(tmp_path), finished_weights())
 
 
 def test_a_checkpoint_is_never_half_written(tmp_path, monkeypatch):
@@ -226,30 +83,26 @@ def test_a_checkpoint_is_never_half_written(tmp_path, monkeypatch):
     assert not list(tmp_path.rglob("*.part"))
 
 
-def wait_for(path, process, seconds=120):
-    for _ in range(seconds * 100):
-        if path.exists() or process.poll() is not None:
-            return
-        time.sleep(0.01)
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, None])
+def test_a_damaged_checkpoint_is_one_line_with_the_fix(tmp_path, share):
+    folder = own_copy(tmp_path)
+    (folder / "result.json").unlink()
+    whole = (folder / "field.ckpt").read_bytes()  # whole, but not a checkpoint of the training
+    (folder / "last.ckpt").write_bytes(whole if share is None else whole[: int(share * len(whole))])
+    answer = train(tmp_path)
+    assert answer.code == 2
+    assert "last.ckpt: damaged checkpoint; resume=never starts the fit over" in answer.lines[-1]
+    assert not (folder / "result.json").exists()
+    assert train(tmp_path, "resume=never").code == 0
+    assert row_of(folder)["scores"] == row_of(finished())["scores"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
-def test_a_killed_process_goes_on(tmp_path, number):
-    """The real thing: a process of its own, killed at a moment of no one's choice."""
-    long = ["trainer.max_steps=60", "trainer.checkpoint_seconds=0"]
-    assert train(tmp_path / "whole", *long).code == 0
-    killed = tmp_path / "killed"
-    command = [sys.executable, ROOT / "train.py", *QUICK, f"paths.outputs={killed}", *long]
-    threads = {**os.environ, "OMP_NUM_THREADS": str(torch.get_num_threads())}  # sums depend on their number
-    with subprocess.Popen(command, env=threads, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
-        wait_for(killed / PLACE / "last.ckpt", process)
-        process.send_signal(number)
-        output = process.communicate()[0]
-    assert process.returncode == (-9 if number == signal.SIGKILL else 128 + number)
-    assert "Traceback" not in output
-    assert 1 <= checkpoint(killed)["global_step"] < 60
-    answer = train(killed, *long)
-    assert answer.code == 0
-    assert "going on from step" in answer.text
-    assert_same_weights(weights(tmp_path / "whole"), weights(killed))
+def test_a_checkpoint_of_another_number_of_parts_is_refused(tmp_path):
+    folder = own_copy(tmp_path)
+    (folder / "result.json").unlink()
+    state = {f"field.{name}": value for name, value in torch.load(folder / "field.ckpt")["state"].items()}
+    state["field.part_ids"] = torch.arange(9)
+    torch.save({"state_dict": state, "global_step": 2}, folder / "last.ckpt")
+    answer = train(tmp_path)
+    assert answer.code == 2
+    assert "checkpoint of another field (field.part_ids is (9,), not (6,)); resume=never" in answer.lines[-1]

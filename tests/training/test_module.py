@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.optim import Adam, Optimizer
 
 from jointsdf.errors import InputError
@@ -21,8 +21,7 @@ from jointsdf.losses.sign_agnostic import SignAgnostic
 from jointsdf.losses.signed_distance import SignedDistance
 from jointsdf.losses.weingarten import Weingarten
 from jointsdf.model.field import JointField
-from jointsdf.model.trunk import SirenTrunk
-from jointsdf.optimizers import MuonAdam, parameter_groups
+from jointsdf.optimizers import MuonAdam
 from jointsdf.training.module import JointSDFModule, NonFiniteLossError, merged_needs
 from jointsdf.training.settings import FitSettings, Objective
 from jointsdf.values import Samples, Step
@@ -69,8 +68,8 @@ class Stepped(JointSDFModule):
     def global_step(self) -> int:
         return self.at
 
-    def report(self, numbers: Mapping[str, Tensor]) -> None:
-        self.logged = {**self.logged, **{name: value.item() for name, value in numbers.items()}}
+    def log_scalars(self, scalars: Mapping[str, Tensor]) -> None:
+        self.logged = {**self.logged, **{name: value.item() for name, value in scalars.items()}}
 
 
 def samples_of(count: int = 24, seed: int = 0) -> Samples:
@@ -150,40 +149,6 @@ def test_terms_of_weight_or_factor_zero_are_not_evaluated(small_field: BuildFiel
     assert totals == [6.0, 4.0, 2.0, 2.0]
     assert {name: term.calls for name, term in terms.items()} == {"on": 4, "off": 0, "faded": 2}
     assert set(module.logged) == {"loss/on", "loss/total"}
-
-
-@pytest.mark.parametrize(
-    ("terms", "weights", "schedules", "odd"),
-    [
-        (["a", "b"], ["a"], [], "b"),
-        (["a"], ["a", "c"], [], "c"),
-        (["a"], ["a"], ["d"], "d"),
-    ],
-)
-def test_names_that_do_not_match_are_an_input_error(
-    small_field: BuildField, terms: list[str], weights: list[str], schedules: list[str], odd: str
-) -> None:
-    with pytest.raises(InputError, match=f"^loss: {odd} must stand under both terms and weights$"):
-        module_of(
-            small_field(),
-            {n: Constant(1.0) for n in terms},
-            dict.fromkeys(weights, 1.0),
-            {n: Schedule() for n in schedules},
-        )
-
-
-@pytest.mark.parametrize(
-    ("weights", "message"),
-    [
-        ({"a": 0.0, "b": 0.0}, r"^loss\.weights=\{'a': 0\.0, 'b': 0\.0\}: one of them must be > 0$"),
-        ({"a": 1.0, "b": -1.0}, r"^loss\.weights\.b=-1\.0: give a number, at least 0$"),
-    ],
-)
-def test_weights_that_cannot_train_are_an_input_error(
-    small_field: BuildField, weights: dict[str, float], message: str
-) -> None:
-    with pytest.raises(InputError, match=message):
-        module_of(small_field(), {"a": Constant(1.0), "b": Constant(1.0)}, weights)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
@@ -279,119 +244,6 @@ def test_a_gradient_that_is_not_finite_stops_the_run(small_field: BuildField, pa
     next(getattr(module.field, part).parameters()).grad.fill_(math.inf)
     with pytest.raises(NonFiniteLossError, match=f"^gradient norm of the {part} is (inf|nan) at step 12: "):
         module.configure_gradient_clipping(Adam(module.parameters()))
-
-
-def test_groups_hold_every_parameter_once(small_field: BuildField) -> None:
-    field = small_field("siren", depth=4)
-    groups = {group["name"]: group for group in parameter_groups(field.trunk, field.head, head_lr=0.5)}
-    assert [p.shape for p in groups["hidden"]["params"]] == [(16, 16)] * 3
-    grouped = [id(p) for group in groups.values() for p in group["params"]]
-    assert sorted(grouped) == sorted(id(p) for p in field.parameters())
-    assert groups["head"]["lr"] == 0.5
-    assert "lr" not in groups["trunk"]
-
-
-def test_a_field_without_a_head_has_no_head_group(small_field: BuildField) -> None:
-    field = small_field("none")
-    assert [group["name"] for group in parameter_groups(field.trunk, field.head)] == ["hidden", "trunk"]
-
-
-def test_muon_on_a_trunk_of_one_layer_is_an_input_error(small_field: BuildField) -> None:
-    field = small_field("none", depth=1, tap=1)
-    with pytest.raises(InputError, match=r"trunk\.depth >= 2"):
-        MuonAdam(parameter_groups(field.trunk, field.head), lr=1e-3, muon_lr=1e-3)
-
-
-def train(field: JointField, optimizer: MuonAdam, steps: range) -> None:
-    for step in steps:
-        optimizer.zero_grad()
-        sdf, features = field.trunk(torch.rand(32, 3, generator=torch.Generator().manual_seed(step)))
-        (sdf.square().mean() + field.head(features).square().mean()).backward()
-        optimizer.step()
-
-
-def muon_of(field: JointField) -> MuonAdam:
-    return MuonAdam(parameter_groups(field.trunk, field.head, head_lr=3e-3), lr=1e-3, muon_lr=2e-3)
-
-
-def test_muon_adam_continues_identically_from_its_state(small_field: BuildField) -> None:
-    straight = small_field("siren")
-    train(straight, muon_of(straight), range(8))
-
-    first = small_field("siren")
-    optimizer = muon_of(first)
-    train(first, optimizer, range(4))
-    resumed = small_field("siren", seed=1)
-    resumed.load_state_dict(first.state_dict())
-    other = muon_of(resumed)
-    other.load_state_dict(optimizer.state_dict())
-    train(resumed, other, range(4, 8))
-    for a, b in zip(straight.parameters(), resumed.parameters(), strict=True):
-        assert torch.equal(a, b)
-    assert [g["lr"] for g in other.param_groups] == [2e-3, 1e-3, 3e-3]
-    other.param_groups[0]["lr"] = 0.5  # the schedulers' groups are the optimizers' own
-    assert other.muon.param_groups[0]["lr"] == 0.5
-
-
-def test_muon_adam_state_is_plain_values(small_field: BuildField, tmp_path) -> None:
-    field = small_field("siren")
-    optimizer = muon_of(field)
-    train(field, optimizer, range(2))
-    torch.save(optimizer.state_dict(), tmp_path / "state")
-    torch.load(tmp_path / "state", weights_only=True)
-
-
-def stepped(optimizers: Callable[[SirenTrunk], list[torch.optim.Optimizer]], steps: int = 3) -> SirenTrunk:
-    """A trunk after a few steps along gradients of its own."""
-    torch.manual_seed(0)
-    trunk = SirenTrunk(width=16, depth=3)
-    made = optimizers(trunk)
-    for step in range(steps):
-        for index, p in enumerate(trunk.parameters()):
-            p.grad = torch.randn(p.shape, generator=torch.Generator().manual_seed(100 * step + index))
-        for optimizer in made:
-            optimizer.step()
-    return trunk
-
-
-@pytest.mark.parametrize("dtype", [torch.bfloat16, None], ids=str)
-def test_muon_adam_is_torchs_muon_on_the_hidden_matrices_and_adam_on_the_rest(dtype: torch.dtype | None) -> None:
-    """torch's takes bfloat16 on every machine: to its accuracy the steps are the same."""
-
-    def ours(trunk: SirenTrunk) -> list[torch.optim.Optimizer]:
-        optimizer = MuonAdam(parameter_groups(trunk, nn.Identity()), lr=1e-3, muon_lr=2e-3, momentum=0.9)
-        optimizer.muon.dtype = dtype
-        return [optimizer]
-
-    def theirs(trunk: SirenTrunk) -> list[torch.optim.Optimizer]:
-        hidden = [layer.linear.weight for layer in trunk.sine_layers[1:]]
-        rest = [p for p in trunk.parameters() if not any(p is h for h in hidden)]
-        return [torch.optim.Muon(hidden, lr=2e-3, weight_decay=0.0, momentum=0.9), Adam(rest, lr=1e-3)]
-
-    start, found, expected = stepped(ours, 0), stepped(ours), stepped(theirs)
-    for (name, a), b, before in zip(found.named_parameters(), expected.parameters(), start.parameters(), strict=True):
-        if a.shape == (16, 16):
-            assert (a - b).norm() < 0.05 * (b - before).norm(), name
-            assert not torch.equal(a, before)
-        else:
-            assert torch.equal(a, b), name
-
-
-def test_closure_is_called_once_and_its_loss_returned(small_field: BuildField) -> None:
-    field, points = small_field("siren"), torch.rand(8, 3)
-    optimizer = muon_of(field)
-    losses: list[float] = []
-
-    def closure() -> float:
-        loss = field.trunk(points)[0].square().mean()
-        loss.backward()
-        losses.append(loss.item())
-        return loss.item()
-
-    with torch.no_grad():  # as Lightning steps: the closure turns gradients on by itself
-        assert optimizer.step(closure) == losses[0]
-    assert len(losses) == 1
-    assert field.trunk(points)[0].square().mean().item() < losses[0]
 
 
 def test_needs_are_merged_per_point_set() -> None:

@@ -46,7 +46,7 @@ def parameter_gradients(trunk: SirenTrunk, loss: Tensor) -> list[Tensor]:
 def test_values_and_parameter_gradients_equal_double_backward(
     monkeypatch: pytest.MonkeyPatch, sizes: Sizes, wanted: str, tap: int | str | None, chunk: int
 ) -> None:
-    monkeypatch.setattr(threads, "MOST", chunk)
+    monkeypatch.setattr(threads, "MAX_PIECE_POINTS", chunk)
     trunk, (points, angles) = network(*sizes), random_points()
     layer = sizes[1] if tap == "last" else tap
     expected = oracle(trunk, points, angles, layer or 1)
@@ -76,7 +76,7 @@ def test_values_and_parameter_gradients_equal_double_backward(
 
 @pytest.mark.parametrize("number", [2, 3])
 def test_pieces_on_several_threads_give_the_same(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
-    monkeypatch.setattr(threads, "LEAST", 5)
+    monkeypatch.setattr(threads, "MIN_PIECE_POINTS", 5)
     trunk, (points, angles) = network(24, 4, 10.0, 30.0), random_points()
     results = []
     for count in (1, number):

@@ -14,7 +14,7 @@ from jointsdf.model.heads import HEADS
 
 @pytest.fixture(params=[1, 2, 3])
 def number(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    monkeypatch.setattr(threads, "LEAST", 5)
+    monkeypatch.setattr(threads, "MIN_PIECE_POINTS", 5)
     torch.set_num_threads(request.param)
     yield request.param
     torch.set_num_threads(1)

@@ -1,0 +1,57 @@
+"""The result row of a run that need not be made: from its own folder, or from another study."""
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig
+
+from jointsdf.experiment.summary import summary
+from jointsdf.runs import folder as run_folder
+from jointsdf.runs import status
+from jointsdf.runs.lock import lock
+from jointsdf.runs.reuse import find_reusable_row
+from jointsdf.runs.row import ResultRow, config_hash, write_row
+
+log = logging.getLogger(__name__)
+
+
+def find_row(
+    cfg: DictConfig, folder: Path, settings: Mapping[str, Any], fingerprint: Mapping[str, Any], *, wait: bool
+) -> ResultRow | None:
+    """Find the run's row in its folder or, with `reuse`, in another study, whose row is copied into the folder.
+
+    Args:
+        cfg: The composed config.
+        folder: The run folder.
+        settings: From `resolve_settings`.
+        fingerprint: From `resolve_settings`.
+        wait: Whether to wait for another process that works on the same run.
+
+    Raises:
+        Busy: Another process works on the same run, and `wait` is false.
+        InputError: The folder holds another config, or a damaged one.
+    """
+    row = run_folder.finished_row(folder, fingerprint, force=cfg.force, reuse=cfg.reuse)
+    if row:
+        log.info("%s holds this run's result already; force=true runs it again", folder)
+        status.end(folder)
+    elif cfg.reuse and not cfg.force:
+        row = find_reusable_row(config_hash(fingerprint), folder, Path(cfg.paths.outputs), Path(cfg.paths.results))
+        if row:
+            _copy_row(row, folder, settings, fingerprint, wait=wait)
+    if row:
+        log.info(summary(row, cfg.evaluation.primary, folder))
+    return row
+
+
+def _copy_row(
+    row: ResultRow, folder: Path, settings: Mapping[str, Any], fingerprint: Mapping[str, Any], *, wait: bool
+) -> None:
+    """Write a row of another study into the run folder."""
+    with lock(folder, wait=wait):
+        run_folder.claim(folder, settings, fingerprint, resume="never", force=False)
+        write_row(folder, row)
+        status.end(folder)
+    log.info("%s: taken from %s; reuse=false runs it here", folder, row.provenance[run_folder.REUSED])

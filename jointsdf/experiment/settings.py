@@ -1,0 +1,92 @@
+"""The resolved config as plain values: its run folder, its fingerprint, and errors in it as the user's to correct."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from jointsdf import shapes
+from jointsdf.errors import InputError, first_line
+from jointsdf.runs.fingerprint import fingerprint_of
+from jointsdf.shapes.stored import shape_identity
+from jointsdf.values import Shape
+
+
+@contextmanager
+def settings_errors(what: str) -> Iterator[None]:
+    """Turn errors of constructors about their arguments into input errors.
+
+    Args:
+        what: Group or file that the arguments come from.
+
+    Raises:
+        InputError: A constructor refused its arguments, or the config cannot be resolved.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except (ValueError, TypeError, HydraException, OmegaConfBaseException) as error:
+        cause: BaseException = error
+        while isinstance(cause, HydraException) and cause.__cause__ is not None:
+            cause = cause.__cause__
+        if isinstance(cause, InputError):
+            raise cause from error
+        message = first_line(cause)
+        raise InputError(
+            message if "=" in message else f"{what}: {message}; change the value in the command"
+        ) from error
+
+
+def resolve(cfg: DictConfig) -> dict[str, Any]:
+    """Resolve a config, or a group of one, to plain values.
+
+    Raises:
+        InputError: An interpolation cannot be resolved.
+
+    >>> resolve(OmegaConf.create({"a": 1, "b": "${a}"}))
+    {'a': 1, 'b': 1}
+    """
+    with settings_errors("config"):
+        settings: Any = OmegaConf.to_container(cfg, resolve=True)
+    return dict(settings)
+
+
+def folder_of(cfg: DictConfig) -> Path:
+    """Run folder of a config; the shape is not loaded."""
+    name = shapes.name_of(str(cfg.shape), abc_root=cfg.paths.abc_root, abc_missing=cfg.paths.abc_missing)
+    return Path(cfg.paths.outputs, cfg.study, cfg.variant, cfg.head.name, name, f"seed{cfg.seed}")
+
+
+def resolve_settings(cfg: DictConfig, shape: Shape, rate: float) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Resolve a config to settings and fingerprint.
+
+    Args:
+        cfg: The composed config.
+        shape: The run's ground truth.
+        rate: From `build.trunk_rate`.
+
+    Returns:
+        The settings, valid from any working directory, and those of them that decide the run's numbers.
+    """
+    settings = resolve(cfg)
+    given = Path(str(cfg.shape)).expanduser()
+    settings["shape"] = str(given.resolve()) if given.is_file() and shape.name != str(cfg.shape) else shape.name
+    if Path(str(cfg.labels)).expanduser().is_file():
+        settings["labels"] = str(Path(str(cfg.labels)).expanduser().resolve())
+    if settings["partfield_dir"] is not None:
+        settings["partfield_dir"] = str(Path(str(settings["partfield_dir"])).expanduser().resolve())
+    settings["paths"]["abc_root"] = str(Path(cfg.paths.abc_root).expanduser().resolve())
+    fingerprint = fingerprint_of(settings, **shape_identity(shape))
+    if rate == 1:  # a limit that the shape does not reach decides nothing
+        del fingerprint["trainer"]["full_rate_area"]
+    return settings, fingerprint
+
+
+def shared_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings that decide numbers and that all runs of one table share: all but head, shape and seed."""
+    return {key: value for key, value in fingerprint_of(settings).items() if key not in ("head", "shape", "seed")}
