@@ -17,8 +17,10 @@ from jointsdf.values import BOX, LabelledMesh
 
 
 def test_streams_are_their_own() -> None:
-    draws = [stream(*key).random(4).tolist() for key in ((0, 0), (0, 1), (1, 0), (0, 3, 0), (0, 3, 1), (0, 3, 2))]
-    assert len({tuple(draw) for draw in draws}) == 6
+    draws = [
+        stream(*key).random(4).tolist() for key in ((0, 0), (0, 1), (1, 0), (0, 1, 2), (0, 3, 0), (0, 3, 1), (0, 3, 2))
+    ]
+    assert len({tuple(draw) for draw in draws}) == 7
     assert stream(5, 3, 17).random(4).tolist() == stream(5, 3, 17).random(4).tolist()
 
 
