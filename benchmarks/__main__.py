@@ -19,6 +19,7 @@ BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "step": step.rows,
     "fit": fit.rows,
     "extraction": extraction.rows,
+    "octree": extraction.octree_rows,
     "measures": measures.rows,
     "overhead": overhead.rows,
     "limits": limits.rows,

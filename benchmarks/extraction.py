@@ -2,10 +2,14 @@
 
 The released style is the plain network, torch's own matrix products and 5,000 points a call. It is timed on a part of
 the grid and scaled to the whole. The field is `part_01` after a short fit. Both cores.
+
+And, as `octree`, against libigl's octree (`octree.py`) on whole fits of `fast`: trusted at slope 1, as of an exact
+distance; at a slope that is measured and given a margin; and at slope 1 with the surface followed our way.
 """
 
 import multiprocessing
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import pairwise
 
@@ -14,17 +18,24 @@ import torch
 import trimesh
 from jaxtyping import Float
 from numpy import ndarray
+from scipy.spatial import KDTree
 
+from benchmarks.octree import followed_mesh, libigl_mesh, slope_bound
 from benchmarks.scene import composed, fitted, measured
 from benchmarks.table import Row, interleaved, machine
 from jointsdf.extraction.extractor import Extraction, Surface
+from jointsdf.extraction.sparse_grid import Grid
+from jointsdf.geometry.mesh import edge_keys
 from jointsdf.model.field import JointField
+from jointsdf.shapes import abc
 from jointsdf.training.hardware import freed_memory_kept, peak_memory_mb, reset_peak_memory
 from jointsdf.values import BOX, LabelledMesh
 
 CHUNK = 5000  # of the released code
 PLATE = (1.0, 0.6, 0.01)  # extents of the thin plate
 SECONDS, GIB = 60.0, 4.0  # targets at 1024^3
+FITTED = {"part_01": 256, "part_12": 256, "abc_0008": 384}  # shape and its grid, that a run of `fast` takes
+SAME = 1e-6  # between vertices, network length units
 
 
 def rows(
@@ -112,3 +123,66 @@ def thin_plate(resolution: int, steps: int) -> list[Row]:
         Row(name, "allowed seconds", seconds, SECONDS, "s", seconds / SECONDS, 1.0 if whole else None, at_least=False),
         Row(name, "allowed memory", memory, GIB, "GiB", memory / GIB, 1.0 if whole else None, at_least=False),
     ]
+
+
+def octree_rows(fields: Mapping[str, int] = FITTED, repetitions: int = 2, overrides: Sequence[str] = ()) -> list[Row]:
+    """Ours against libigl's octree on fitted fields; those of ABC shapes where their meshes are.
+
+    Args:
+        fields: Grid points along each axis, by shape.
+        repetitions: Of every side.
+        overrides: Of the configs.
+    """
+    root = os.environ.get("JOINTSDF_ABC", "")
+    there = [name for name in fields if name not in abc.catalogue() or (root and abc.mesh_path(name, root).is_file())]
+    found = []
+    for shape in there:
+        cfg = composed(f"shape={shape}", *overrides)
+        _, module = fitted(cfg)
+        with machine(torch.get_num_threads(), measured(cfg, module).matmul):
+            found += beside_octree(shape, module.field, fields[shape], repetitions)
+    return found
+
+
+def beside_octree(shape: str, field: JointField, resolution: int, repetitions: int) -> list[Row]:
+    """Seconds, points, vertices and open edges of one field's mesh, by every way; measuring the slope takes no time."""
+    extraction, slope = Extraction(resolution), slope_bound(field)
+    surfaces: dict[str, Surface] = {}
+
+    def grid() -> Grid:
+        return Grid(field.network_sdf, resolution, extraction.chunk)
+
+    ways: dict[str, Callable[[], Surface]] = {
+        "ours": lambda: extraction.surface(field.network_sdf),
+        "libigl at slope 1": lambda: libigl_mesh(grid(), 1.0),
+        f"libigl at slope {slope:.2f}": lambda: libigl_mesh(grid(), slope),
+        "its octree at slope 1, then followed": lambda: followed_mesh(grid(), 1.0),
+    }
+    sides = [lambda name=name, way=way: surfaces.update({name: way()}) for name, way in ways.items()]
+    seconds = dict(zip(ways, interleaved(repetitions, *sides, warm_up=False), strict=True))
+    what = f"sparse extraction, {resolution}^3, {shape}"
+    found = []
+    for against in list(ways)[1:]:
+        ours, theirs = seconds["ours"], seconds[against]
+        found.append(Row(what, against, ours, theirs, "s", theirs / ours))
+        found += compared(what, against, surfaces["ours"], surfaces[against], resolution)
+    return found
+
+
+def compared(what: str, against: str, ours: Surface, theirs: Surface, resolution: int) -> list[Row]:
+    """Points asked of the field, our vertices that they have as well, and edges of one face only: rims of holes."""
+    points, their_points = (surface.evaluated * resolution**3 for surface in (ours, theirs))
+    apart, _ = KDTree(theirs.vertices).query(ours.vertices, distance_upper_bound=SAME)
+    vertices, shared = len(ours.vertices), int((apart < SAME).sum())
+    (rims, _), (their_rims, edges) = rim_edges(ours), rim_edges(theirs)
+    return [
+        Row(what, f"{against}: points", points, their_points, "points", their_points / points),
+        Row(what, f"{against}: vertices in both", vertices, shared, "vertices", shared / max(vertices, 1)),
+        Row(what, f"{against}: rim edges, share", rims, their_rims, "edges", their_rims / max(edges, 1)),
+    ]
+
+
+def rim_edges(surface: Surface) -> tuple[int, int]:
+    """How many edges have one face only, and how many there are."""
+    _, faces = np.unique(edge_keys(surface.faces, len(surface.vertices)), return_counts=True)
+    return int((faces == 1).sum()), len(faces)

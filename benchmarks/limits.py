@@ -16,7 +16,7 @@ from jointsdf.runs.row import ResultRow
 from jointsdf.shapes import abc, load
 from jointsdf.shapes.builtin import BUILTINS
 from jointsdf.shapes.mesh_report import mesh_report
-from jointsdf.shapes.segmentation.hierarchy import hierarchy
+from jointsdf.shapes.segmentation.hierarchy import build_hierarchy
 from jointsdf.study.tables.write import write_tables
 from jointsdf.values import LabelledMesh, Shape
 
@@ -39,7 +39,7 @@ def rows(faces: int = FACES, runs: int = RUNS, most: int = 50) -> list[Row]:
     whole = faces >= FACES and runs >= RUNS and most >= len(BUILTINS)
     cases: list[tuple[str, float, Callable[[], object]]] = [
         (f"{len(parts)} built-in parts", 10.0, lambda: [load(name, abc_root="") for name in parts]),
-        (f"geometric labels of {faces} faces", 3.0, lambda: hierarchy(solid, None)),
+        (f"geometric labels of {faces} faces", 3.0, lambda: build_hierarchy(solid, None)),
         (f"the report on {faces} faces", 0.5, lambda: mesh_report(shape)),
         (f"tables of {runs} runs", 10.0, lambda: tables(runs)),
     ]

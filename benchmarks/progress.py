@@ -13,9 +13,9 @@ import matplotlib as mpl
 import pandas as pd
 
 from jointsdf.errors import InputError
-from jointsdf.runs.folder import BOARD, read_config, stored_row
+from jointsdf.runs.folder import BOARD, read_config, read_result
 from jointsdf.study.figures.loss_curves import read_curves
-from jointsdf.study.figures.style import COLOURS, MARKERS, PNG_DPI, STYLE, panels
+from jointsdf.study.figures.style import COLOURS, MARKERS, PNG_DPI, STYLE, make_panels
 from jointsdf.study.tables.columns import CD_L1, MIOU, NC
 
 SHOWN = (CD_L1, NC, MIOU)
@@ -45,7 +45,7 @@ def progress(run: Path) -> pd.DataFrame:
     Raises:
         InputError: The run is not finished, or was made without previews.
     """
-    row = stored_row(run)
+    row = read_result(run)
     curves = read_curves(run / BOARD, f"preview_{read_config(run)['trainer']['preview_resolution']}/")
     if not curves:
         raise InputError(f"{run / BOARD}: no previews; trainer.preview_every=100 makes them")
@@ -60,7 +60,7 @@ def progress(run: Path) -> pd.DataFrame:
 def draw(found: pd.DataFrame, path: Path) -> None:
     """Each measure over the seconds of the fit, a line per recipe."""
     with mpl.rc_context(STYLE):
-        figure, axes = panels(1, len(SHOWN), 2.2)
+        figure, axes = make_panels(1, len(SHOWN), 2.2)
         for ax, column in zip(axes, SHOWN, strict=True):
             for place, (recipe, runs) in enumerate(found.groupby("recipe", sort=False)):
                 style = {"color": COLOURS[place + 1], "marker": MARKERS[place + 1], "markersize": 3}

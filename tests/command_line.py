@@ -15,7 +15,7 @@ from pathlib import Path
 from unittest import mock
 
 from jointsdf.experiment import result, tensorboard
-from jointsdf.viewing.render import compare
+from jointsdf.viewing.render import render_comparison
 
 ROOT = Path(__file__).parents[1]
 QUICK = (  # a run of about two seconds; the mesh is worthless
@@ -53,7 +53,7 @@ class Answer:
 def call(script: str, *arguments: object) -> Answer:
     """`python <script> <arguments>` in this process and working directory."""
     written = io.StringIO()
-    thumbnail = partial(compare, width=96, height=72)  # pictures are most of a quick run's time
+    thumbnail = partial(render_comparison, width=96, height=72)  # pictures are most of a quick run's time
     handler = logging.StreamHandler(written)
     root, quieted, phases = (
         logging.getLogger(name) for name in (None, "jointsdf.extraction.extractor", "jointsdf.phases")
@@ -70,7 +70,7 @@ def call(script: str, *arguments: object) -> Answer:
             stack.enter_context(contextlib.redirect_stderr(written))
             stack.enter_context(warnings.catch_warnings())
             for module in (tensorboard, result):
-                stack.enter_context(mock.patch.object(module, "compare", thumbnail))
+                stack.enter_context(mock.patch.object(module, "render_comparison", thumbnail))
             warnings.simplefilter("default")
             runpy.run_path(sys.argv[0], run_name="__main__")
     except SystemExit as stop:

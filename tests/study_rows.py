@@ -1,12 +1,18 @@
 """Result rows made by hand, and the tables that they give."""
 
+import logging
 import math
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+import pytest
 
 from jointsdf.runs.row import ResultRow, write_row
-from jointsdf.study.collect import gather
+from jointsdf.study.__main__ import main as study
+from jointsdf.study.collect import load_rows
 from jointsdf.study.tables.write import write_tables
 
 NAN = math.nan
@@ -75,10 +81,48 @@ def write(outputs: Path, *rows: ResultRow) -> None:
 
 def make_tables(outputs: Path, results: Path | None = None) -> list[Path]:
     results = results or outputs / "no-results"
-    return write_tables(gather(outputs, results), outputs, results)
+    return write_tables(load_rows(outputs, results), outputs, results)
 
 
 def line(table: pd.DataFrame, head: str) -> pd.Series:
     (_, found), *others = table[table["head"] == head].iterrows()
     assert not others
     return found
+
+
+def results_with_the_paper(folder: Path) -> Path:
+    """Committed results that hold the paper's numbers alone."""
+    shutil.copytree(Path(__file__).parents[1] / "results" / "paper", folder / "results" / "paper", dirs_exist_ok=True)
+    return folder / "results"
+
+
+def read_table(outputs: Path, name: str) -> pd.DataFrame:
+    return pd.read_csv(outputs / "tables" / f"{name}.csv")
+
+
+def read_tex(outputs: Path, name: str) -> str:
+    return (outputs / "tables" / f"{name}.tex").read_text(encoding="utf-8")
+
+
+def values_of(outputs: Path, head: str, metric: str) -> np.ndarray:
+    runs = pd.read_csv(outputs / "tables" / "runs.csv")
+    return runs[runs["head"] == head].sort_values("shape")[metric].to_numpy()
+
+
+def place_of(outputs: Path, head: str, shape: str, seed: int = 0, variant: str = "base") -> Path:
+    return outputs / "main" / variant / head / shape / f"seed{seed}"
+
+
+def write_finished(outputs: Path, head: str, shape: str, **where: int | str) -> ResultRow:
+    folder = place_of(outputs, head, shape, **where)
+    named = {"study": "main", "head": head, "shape": shape, **where}
+    row = replace(ROW, seconds={"fit": 80.0, "total": 100.0}, **named)
+    write_row(folder, row)
+    return row
+
+
+def answer_of(caplog: pytest.LogCaptureFixture, *arguments: str) -> list[str]:
+    caplog.clear()
+    with caplog.at_level(logging.INFO):
+        assert study(arguments) == 0
+    return "\n".join(caplog.messages).splitlines()

@@ -134,3 +134,9 @@ def test_sides_are_timed_in_turn():
     medians = interleaved(2, lambda: order.append("a"), lambda: order.append("b"))
     assert order == ["a", "b"] * 3
     assert len(medians) == 2
+
+
+def test_libigls_octree_is_compared_by_every_way() -> None:
+    rows = extraction.octree_rows({"part_01": 24}, repetitions=1, overrides=(*SMALL, "trainer.max_steps=2"))
+    assert [row.unit for row in rows] == ["s", "points", "vertices", "edges"] * 3
+    assert rows[-2].ours == rows[-2].theirs, "followed our way, the octree gives our mesh"

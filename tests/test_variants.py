@@ -1,12 +1,14 @@
 """What every head, loss and optimizer must keep; found by their yaml files, so a new one is tested by existing."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
 from clouds import sampler_of
+from exact_steps import box, cylinder, exact_step, plane, sphere
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
@@ -19,7 +21,7 @@ from jointsdf.model.field import JointField
 from jointsdf.model.heads import HEADS
 from jointsdf.training.module import JointSDFModule, merged_needs
 from jointsdf.training.settings import FitSettings, Objective
-from jointsdf.values import Samples, Shape
+from jointsdf.values import Samples, Shape, Step
 
 CONF = Path(__file__).parents[1] / "conf"
 POINT_SETS = {"manifold", "non_manifold", "shell", "pool"}
@@ -146,6 +148,22 @@ def test_terms_do_not_depend_on_the_others(small_field: Callable[..., JointField
     together = module.evaluate(samples, merged_needs(loss["terms"]))
     for term in loss["terms"].values():
         torch.testing.assert_close(term(together), term(module.evaluate(samples, term.needs)), rtol=1e-5, atol=1e-7)
+
+
+def exact_step_with_logits(distance: Callable[[torch.Tensor], torch.Tensor]) -> Step:
+    """A step whose field is an exact distance and prefers no part."""
+    step = exact_step(distance)
+    manifold = step.fields["manifold"]
+    logits = torch.zeros(len(manifold.sdf), 3, dtype=manifold.sdf.dtype)
+    return replace(step, fields={**step.fields, "manifold": replace(manifold, logits=logits)})
+
+
+@pytest.mark.parametrize("name", names("loss"))
+def test_exactly_the_terms_that_say_so_are_zero_on_an_exact_distance(name: str) -> None:
+    steps = [exact_step_with_logits(distance) for distance in (sphere, box, plane, cylinder)]
+    for term_name, term in objective(name)["terms"].items():
+        largest = max(term(step).item() for step in steps)
+        assert getattr(term, "zero_on_exact_distance", False) == (largest < 1e-12), (term_name, largest)
 
 
 def module_of(field: JointField, loss: Mapping[str, Any], optimizer: Callable[..., Optimizer] = Adam) -> JointSDFModule:

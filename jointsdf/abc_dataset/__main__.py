@@ -1,4 +1,4 @@
-"""`python -m jointsdf.shapes.abc prepare`."""
+"""Entry point of `python -m jointsdf.shapes.abc prepare`."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Members out of a 7z archive that need not be trusted."""
+"""Extraction of members from an untrusted 7z archive."""
 
 import importlib.util
 import io
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     import py7zr
 
 MEMBER_LIMIT = 1 << 30  # bytes; a file of a catalogue model has a few MB
-ARCHIVE_LIMIT = 64 << 20  # bytes that any archive may unpack to; a large one, RATIO times its own size
-RATIO = 100  # text such as ABC's packs about ten times
+ARCHIVE_LIMIT = 64 << 20  # bytes that any archive may unpack to; a large one may unpack to RATIO times its own size
+RATIO = 100  # text such as ABC's compresses about tenfold
 OUTSIDE = re.compile(r"[\\/]|[A-Za-z]:|(.*[\\/])?\.\.([\\/]|$)")
 
 
-def needs_reader() -> None:
-    """Refuse at once where 7z cannot be read.
+def require_py7zr() -> None:
+    """Fail early where 7z files cannot be read.
 
     Raises:
         InputError: py7zr is not installed.
@@ -32,24 +32,27 @@ def needs_reader() -> None:
 
 
 def extract(path: Path, is_wanted: Callable[[str], bool], folder: Path, progress: Progress = silent) -> list[Path]:
-    """Take the wanted members out, each as a file without the archive's folders, whole or not at all.
+    """Extract the wanted members, each as a file without the archive's folders, whole or not at all.
 
     Args:
         path: The archive.
-        is_wanted: Tells by a member's name.
-        folder: Where they go.
+        is_wanted: Selects members by name.
+        folder: Gets the files.
         progress: Shows how far the archive is read.
+
+    Returns:
+        The files.
 
     Raises:
         InputError: The archive cannot be read, is damaged, holds a link or a member that would lie outside the
-            folder, or unpacks to too much; or the disk is full. Members that were finished stay.
+            folder, or unpacks to too much; or the disk is full. Finished members stay.
     """
-    needs_reader()
+    require_py7zr()
     import py7zr
 
     writers = _Writers(folder)
     try:
-        with _Watched(path) as file, py7zr.SevenZipFile(file) as opened:
+        with _ProgressFile(path) as file, py7zr.SevenZipFile(file) as opened:
             _check_members(path, opened)
             _check_sizes(path, opened, is_wanted)
             targets = [each.filename for each in opened.files if is_wanted(each.filename) and not each.is_directory]
@@ -73,11 +76,11 @@ def extract(path: Path, is_wanted: Callable[[str], bool], folder: Path, progress
 
 
 def _check_members(path: Path, opened: "py7zr.SevenZipFile") -> None:
-    """Refuse an archive with a member that no archive of ABC has."""
+    """Refuse members that no archive of ABC has: outside the folder, links, repeated names."""
     for each in opened.files:
         if OUTSIDE.match(each.filename):
             raise InputError(
-                f"{path} holds {each.filename!r}, a place outside: it is no archive of ABC, nothing is taken"
+                f"{path} holds {each.filename!r}, which lies outside it: it is no archive of ABC, nothing is taken"
             )
         if each.is_symlink or each.is_junction or each.is_socket:
             raise InputError(f"{path} holds {each.filename!r}, a link: it is no archive of ABC, nothing is taken")
@@ -87,7 +90,7 @@ def _check_members(path: Path, opened: "py7zr.SevenZipFile") -> None:
 
 
 def _check_sizes(path: Path, opened: "py7zr.SevenZipFile", is_wanted: Callable[[str], bool]) -> None:
-    """Refuse what would unpack to too much; the reader unpacks no more than the sizes that it is told."""
+    """Refuse archives that would unpack to too much; py7zr unpacks no more than the sizes in the header."""
     for each in opened.files:
         if is_wanted(each.filename) and each.uncompressed > MEMBER_LIMIT:
             raise InputError(
@@ -98,8 +101,8 @@ def _check_sizes(path: Path, opened: "py7zr.SevenZipFile", is_wanted: Callable[[
         raise InputError(f"{path} would unpack to {total} bytes, more than {limit}: nothing is taken")
 
 
-class _Watched(io.FileIO):
-    """A file that says how far it is read."""
+class _ProgressFile(io.FileIO):
+    """A file that reports how far it is read."""
 
     show: Callable[[int], None] = staticmethod(lambda done: None)  # noqa: ARG005
 
@@ -110,10 +113,10 @@ class _Watched(io.FileIO):
 
 
 class _Writers:
-    """The files that members become, one after the other.
+    """Writes members to files, one after the other.
 
-    The reader compares a member's checksum only after it has closed its writer, so a file gets its name when the
-    next member begins, or at the end.
+    py7zr checks a member's checksum only after it has closed its writer, so a file gets its final name when the next
+    member begins, or at the end.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -122,7 +125,7 @@ class _Writers:
         self.open: tuple[BinaryIO, Path, Path] | None = None
 
     def factory(self) -> "py7zr.WriterFactory":
-        """What the reader asks for writers."""
+        """The factory that py7zr takes its writers from."""
         import py7zr
         from py7zr import io as py7zr_io
 
@@ -154,7 +157,7 @@ class _Writers:
         return Factory()
 
     def begin(self, name: str) -> BinaryIO:
-        """A file for the next member; the last one was right."""
+        """Open a file for the next member; the last one passed its checksum."""
         self.finish()
         target = self.folder / re.split(r"[\\/]", name)[-1]
         part = target.with_name(f"{target.name}.part")
@@ -163,7 +166,7 @@ class _Writers:
         return file
 
     def finish(self) -> None:
-        """Give the open file its name."""
+        """Give the open file its final name."""
         if self.open:
             file, part, target = self.open
             file.close()
@@ -172,7 +175,7 @@ class _Writers:
             self.open = None
 
     def drop(self) -> None:
-        """Delete the open file: its member did not end well."""
+        """Delete the open file: its member is not complete."""
         if self.open:
             file, part, _ = self.open
             file.close()

@@ -1,4 +1,4 @@
-"""The archives that ABC distributes its models in: 10,000 models each, one archive per kind of file."""
+"""Table of ABC's archives (chunks): 10,000 models each, one archive per kind of file."""
 
 import csv
 import re
@@ -22,9 +22,9 @@ class Chunk:
     Attributes:
         kind: `obj`, `feat` or `step`.
         chunk: Its number, four digits.
-        url: Where it is.
-        md5: Of its bytes, 32 hexadecimal digits.
-        bytes: Their number.
+        url: Its address.
+        md5: Of its content, 32 hexadecimal digits.
+        bytes: Its size.
     """
 
     kind: str
@@ -40,22 +40,26 @@ class Chunk:
 
 
 def chunk_of(abc_id: str) -> str:
-    """The chunk that an ABC model is in."""
+    """Number of the chunk that holds an ABC model.
+
+    >>> chunk_of("00016513_3d69")
+    '0001'
+    """
     return f"{int(abc_id[:8]) // MODELS_PER_CHUNK:04d}"
 
 
-def table(override: Path | None = None) -> list[Chunk]:
-    """The chunks that the catalogue needs.
+def read_table(override: Path | None = None) -> list[Chunk]:
+    """Read the table of the chunks that the catalogue needs.
 
     Args:
-        override: A file of other addresses: either a table with the columns kind, chunk, url, md5, bytes that takes
-            the place of the built-in one, or lines `URL NAME` as in ABC's own lists, which change addresses alone.
+        override: A file of other addresses: either a table with the columns kind, chunk, url, md5, bytes that
+            replaces the built-in one, or lines `URL NAME` as in ABC's own lists, which change addresses alone.
 
     Raises:
-        InputError: The file cannot be read, or a line of it not be understood.
+        InputError: The file cannot be read, or a line of it is invalid.
     """
     own = resources.files("jointsdf.shapes").joinpath("abc_chunks.csv").read_text(encoding="utf-8")
-    chunks = _rows("abc_chunks.csv", own.splitlines())
+    chunks = _parse_rows("abc_chunks.csv", own.splitlines())
     if override is None:
         return chunks
     try:
@@ -63,18 +67,18 @@ def table(override: Path | None = None) -> list[Chunk]:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"--urls {override} cannot be read: {getattr(error, 'strerror', 'it is no text')}") from error
     if lines and lines[0].split(",")[0].strip() == COLUMNS[0]:
-        return _rows(str(override), lines)
+        return _parse_rows(str(override), lines)
     urls = {}
     for number, line in enumerate(lines, 1):
         words = line.split()
         if len(words) != 2:
             raise InputError(f"{override} line {number}: give URL NAME, or a table with columns {','.join(COLUMNS)}")
-        urls[words[1]] = _checked(str(override), number, words[0])
+        urls[words[1]] = _check_url(str(override), number, words[0])
     return [replace(chunk, url=urls.get(chunk.name, chunk.url)) for chunk in chunks]
 
 
-def _rows(source: str, lines: Iterable[str]) -> list[Chunk]:
-    """The chunks of a table."""
+def _parse_rows(source: str, lines: Iterable[str]) -> list[Chunk]:
+    """Parse and check the rows of a table."""
     chunks = []
     for number, row in enumerate(csv.DictReader(lines), 2):
         words = [(row.get(column) or "").strip() for column in COLUMNS]
@@ -85,19 +89,19 @@ def _rows(source: str, lines: Iterable[str]) -> list[Chunk]:
                 f"{source} line {number}: {','.join(words)!r} is no row of {','.join(COLUMNS)} (kind one of "
                 f"{', '.join(KINDS)}; chunk of 4 digits; md5 of 32 hexadecimal digits; bytes above 0)"
             )
-        chunks.append(Chunk(kind, chunk, _checked(source, number, url), md5.lower(), int(size)))
+        chunks.append(Chunk(kind, chunk, _check_url(source, number, url), md5.lower(), int(size)))
     return chunks
 
 
-def _checked(source: str, number: int, url: str) -> str:
-    """The address, if it is one of the web."""
+def _check_url(source: str, number: int, url: str) -> str:
+    """Return the address, if it is one of the web."""
     if not re.fullmatch(r"https?://\S+", url):
         raise InputError(f"{source} line {number}: {url!r} is no address: it begins with http:// or https://")
     return url
 
 
-def needed(chunks: Sequence[Chunk], kinds: Sequence[str], numbers: Iterable[str]) -> list[Chunk]:
-    """The chunks of some kinds and numbers.
+def select_chunks(chunks: Sequence[Chunk], kinds: Sequence[str], numbers: Iterable[str]) -> list[Chunk]:
+    """Select the chunks of some kinds and numbers.
 
     Raises:
         InputError: The table lacks one.

@@ -1,4 +1,4 @@
-"""A model's ABC files -> `mesh.ply` and `patches.npy`, as the catalogue describes them."""
+"""Conversion of a model's ABC files to `mesh.ply` and `patches.npy`, as the catalogue describes them."""
 
 import hashlib
 import io
@@ -17,13 +17,13 @@ from jointsdf.geometry.ply import binary_ply
 from jointsdf.geometry.topology import face_components
 from jointsdf.runs.files import write_atomically
 from jointsdf.shapes.abc import CatalogueEntry
-from jointsdf.shapes.readers import abc_features as features
-from jointsdf.shapes.readers import mesh_file as file
 from jointsdf.shapes.readers import step
+from jointsdf.shapes.readers.abc_features import read_features
+from jointsdf.shapes.readers.mesh_file import read_content, read_mesh
 from jointsdf.values import UNLABELLED
 
 METRES = (0.001, 0.01, 0.0254, 0.3048, 1.0)  # per mm, cm, inch, foot, metre
-CLOSE = 0.01  # relative difference of extents that tessellation may make
+CLOSE = 0.01  # relative difference of extents that another tessellation may make
 STL_GRID = 1e-4  # millimetres within which the vertices of an STL file are one
 NUMBERED = re.compile(r"component (\d+)")
 
@@ -32,7 +32,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Surface:
-    """A mesh on its way to the shape's folder.
+    """A mesh before it is written.
 
     Attributes:
         vertices: Positions.
@@ -45,32 +45,33 @@ class Surface:
     patches: Int[ndarray, " f"] | None
 
 
-def write(entry: CatalogueEntry, paths: Sequence[Path], folder: Path) -> str:
-    """Convert one model and say in a few words what came of it.
+def write_shape(entry: CatalogueEntry, paths: Sequence[Path], folder: Path) -> str:
+    """Convert one model to `mesh.ply` and, where its patches are known, `patches.npy`.
 
     Args:
         entry: The catalogue's row.
         paths: Its mesh or STEP file, and the features file of an obj mesh.
-        folder: The shape's folder. The mesh is written last, so that a shape with a mesh is whole.
+        folder: The shape's folder. The mesh is written last, so that a shape with a mesh is complete.
+
+    Returns:
+        A summary for the user, one line.
 
     Raises:
         InputError: A file is damaged, or does not hold what the catalogue describes.
     """
-    surface = read(paths)
+    surface = read_surface(paths)
     if "component" in entry.geometry:
-        surface = component(entry, surface, paths[0])
-    factor = scale_to(entry, surface.vertices)
+        surface = select_component(entry, surface, paths[0])
+    factor = find_scale(entry, surface.vertices)
     if factor is None:
         sides = " ".join(f"{side:.6g}" for side in np.ptp(surface.vertices, axis=0))
         expected = " ".join(f"{side:g}" for side in entry.extents)
-        logger.warning(
-            "%s: %s has sides %s, the catalogue says %s: left as it is", entry.name, paths[0], sides, expected
-        )
+        logger.warning("%s: %s has sides %s, the catalogue says %s: not scaled", entry.name, paths[0], sides, expected)
         factor = 1.0
     surface = replace(surface, vertices=surface.vertices * factor)
     if paths[0].suffix.lower() == ".stl":
-        surface = _merged(surface)
-    data = ply(surface)
+        surface = _merge_vertices(surface)
+    data = binary_ply(surface.vertices.astype("<f4"), surface.faces, {}, "ABC dataset model")
     folder.mkdir(parents=True, exist_ok=True)
     if surface.patches is None:
         (folder / "patches.npy").unlink(missing_ok=True)
@@ -83,33 +84,33 @@ def write(entry: CatalogueEntry, paths: Sequence[Path], folder: Path) -> str:
 
 
 def _summary(surface: Surface, path: Path, factor: float, is_same: bool) -> str:
-    """What was made of what."""
+    """Counts, source and scale of a converted mesh."""
     patches = "no patches" if surface.patches is None else f"{len(np.unique(surface.patches))} patches"
     scaled = "" if factor == 1 else f", times {factor:g}"
     same = "the catalogue's own mesh" if is_same else "another tessellation than the catalogue's"
     return f"{len(surface.vertices)} vertices, {len(surface.faces)} faces, {patches}, from {path.name}{scaled}: {same}"
 
 
-def read(paths: Sequence[Path]) -> Surface:
-    """The files of one model, in the file's units."""
+def read_surface(paths: Sequence[Path]) -> Surface:
+    """Read the files of one model, in the file's units."""
     mesh = paths[0]
     if mesh.suffix.lower() in step.SUFFIXES:
-        solid = step.read(mesh, file.content(mesh))
+        solid = step.read_step(mesh, read_content(mesh))
         return Surface(solid.vertices, solid.faces, solid.patches)
-    found = file.read(mesh)
+    found = read_mesh(mesh)
     if len(paths) == 1:
         return Surface(found.vertices, found.faces, None)
     if found.has_polygons:
         raise InputError(f"{mesh} has polygons, ABC's own have triangles: it is not the mesh of {paths[1].name}")
-    patches = features.read(paths[1], len(found.faces), len(found.vertices)).patches
+    patches = read_features(paths[1], len(found.faces), len(found.vertices)).patches
     return Surface(found.vertices, found.faces, patches)
 
 
-def component(entry: CatalogueEntry, surface: Surface, path: Path) -> Surface:
-    """The connected component that the catalogue means: the one of its extents; of several, the one of its number."""
+def select_component(entry: CatalogueEntry, surface: Surface, path: Path) -> Surface:
+    """Select the connected component with the catalogue's extents; of several, the one with its number."""
     numbered = NUMBERED.search(entry.geometry) or NUMBERED.search(entry.abc_id)
-    bodies = list(_components(surface))
-    fitting = [number for number, body in enumerate(bodies) if scale_to(entry, body.vertices) is not None]
+    bodies = list(_split_components(surface))
+    fitting = [number for number, body in enumerate(bodies) if find_scale(entry, body.vertices) is not None]
     if not fitting:
         sides = " ".join(f"{side:g}" for side in entry.extents)
         raise InputError(f"{path}: none of its {len(bodies)} components has the catalogue's sides, {sides}")
@@ -117,8 +118,8 @@ def component(entry: CatalogueEntry, surface: Surface, path: Path) -> Surface:
     return bodies[number if number in fitting else fitting[0]]
 
 
-def _components(surface: Surface) -> Iterator[Surface]:
-    """What hangs together, in the file's order, its vertices and patches counted anew."""
+def _split_components(surface: Surface) -> Iterator[Surface]:
+    """Split a mesh into its connected components, in the file's order, vertices and patches renumbered."""
     of_face = face_components(surface.faces)
     order = of_face[np.sort(np.unique(of_face, return_index=True)[1])]
     for each in order:
@@ -131,10 +132,10 @@ def _components(surface: Surface) -> Iterator[Surface]:
         yield Surface(surface.vertices[used], faces.reshape(-1, 3), patches)
 
 
-def scale_to(entry: CatalogueEntry, vertices: Float[ndarray, "v 3"]) -> float | None:
-    """The factor to the catalogue's extents, None where it is no change of unit.
+def find_scale(entry: CatalogueEntry, vertices: Float[ndarray, "v 3"]) -> float | None:
+    """Find the factor from the mesh's unit to the catalogue's by the extents; None where it is no change of unit.
 
-    The catalogue's mesh of a model that was normalised has no unit: there any factor will do.
+    The catalogue's mesh of a normalised model has no unit: there any factor is accepted.
     """
     sides = np.ptp(vertices, axis=0)
     if not (sides > 0).all():
@@ -147,13 +148,8 @@ def scale_to(entry: CatalogueEntry, vertices: Float[ndarray, "v 3"]) -> float | 
     return next((unit for unit in sorted(units) if np.allclose(ratios, unit, rtol=CLOSE, atol=0)), None)
 
 
-def _merged(surface: Surface) -> Surface:
-    """One vertex per position; an STL file repeats each at every face."""
+def _merge_vertices(surface: Surface) -> Surface:
+    """Merge vertices by position: an STL file repeats each at every face."""
     cells = np.round(surface.vertices / STL_GRID).astype(np.int64)
     _, first, index = np.unique(cells, axis=0, return_index=True, return_inverse=True)
     return replace(surface, vertices=surface.vertices[first], faces=index.reshape(-1)[surface.faces])
-
-
-def ply(surface: Surface) -> bytes:
-    """The mesh as a binary PLY file: single-precision positions, triangles."""
-    return binary_ply(surface.vertices.astype("<f4"), surface.faces, {}, "ABC dataset model")

@@ -1,4 +1,4 @@
-"""One archive from ABC's server: resumed where it stopped, and trusted only with the right md5."""
+"""Download of one archive from ABC's server: resumed after a break, and accepted only with the right md5."""
 
 import errno
 import hashlib
@@ -11,30 +11,29 @@ import time
 import urllib.error
 import urllib.request
 from pathlib import Path
-from typing import BinaryIO
 
 from jointsdf.abc_dataset.chunks import Chunk
 from jointsdf.abc_dataset.progress import Progress, silent
 from jointsdf.errors import InputError
 
-BLOCK = 1 << 20
+BLOCK = 1 << 20  # bytes read at once
 FULL = (errno.ENOSPC, errno.EDQUOT)
-BUSY = (408, 425, 429, 500, 502, 503, 504)  # answers that another try may change
+BUSY = (408, 425, 429, 500, 502, 503, 504)  # HTTP answers that another try may change
 BROKEN = (ConnectionError, TimeoutError, ssl.SSLError, urllib.error.URLError, http.client.HTTPException)
 
 logger = logging.getLogger(__name__)
 
 
-def part_of(chunk: Chunk, folder: Path) -> Path:
-    """Where the bytes that have come so far are kept."""
+def part_path(chunk: Chunk, folder: Path) -> Path:
+    """File of the bytes received so far."""
     return folder / f"{chunk.name}.part"
 
 
 def bytes_here(chunk: Chunk, folder: Path) -> int:
-    """How many bytes of the archive need not come again."""
+    """Number of bytes of the archive that need no download."""
     if (folder / chunk.name).is_file():
         return chunk.bytes
-    part = part_of(chunk, folder)
+    part = part_path(chunk, folder)
     return part.stat().st_size if part.is_file() else 0
 
 
@@ -47,28 +46,31 @@ def fetch(
     pause: float = 2.0,
     timeout: float = 60.0,
 ) -> Path:
-    """Download an archive, unless it is there.
+    """Download an archive, unless it exists.
 
     Args:
-        chunk: Which.
-        folder: Where it goes; what has come of it stays there, as `.part`, whatever happens.
-        progress: Shows how much has come.
-        tries: How often to connect before giving up.
+        chunk: The archive.
+        folder: Gets the archive; an incomplete one stays there as `.part`, whatever happens.
+        progress: Shows how much has been received.
+        tries: Connections before giving up.
         pause: Seconds before the second try, twice as many before the third, and so on.
         timeout: Seconds without a byte that end a try.
+
+    Returns:
+        The archive.
 
     Raises:
         InputError: The address does not give the file, the connection keeps breaking, the disk is full, or the md5
             is not the one of ABC's list (the download is then deleted).
     """
-    target, part = folder / chunk.name, part_of(chunk, folder)
+    target, part = folder / chunk.name, part_path(chunk, folder)
     if target.is_file():
         return target
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _check_space(chunk, folder)
-        _complete(chunk, part, progress, tries, pause, timeout)
-        _check_sum(chunk, part, progress)
+        _download(chunk, part, progress, tries, pause, timeout)
+        _check_md5(chunk, part, progress)
         part.replace(target)
     except OSError as error:
         if error.errno not in FULL:
@@ -81,7 +83,7 @@ def fetch(
 
 
 def _check_space(chunk: Chunk, folder: Path) -> None:
-    """Refuse to begin what cannot end."""
+    """Refuse a download that does not fit on the disk."""
     missing, free = chunk.bytes - bytes_here(chunk, folder), shutil.disk_usage(folder).free
     if missing > free:
         raise InputError(
@@ -90,11 +92,11 @@ def _check_space(chunk: Chunk, folder: Path) -> None:
         )
 
 
-def _complete(chunk: Chunk, part: Path, progress: Progress, tries: int, pause: float, timeout: float) -> None:
-    """Connect until all bytes are there."""
+def _download(chunk: Chunk, part: Path, progress: Progress, tries: int, pause: float, timeout: float) -> None:
+    """Connect until all bytes are received, `tries` times at most."""
     for attempt in range(1, tries + 1):
         try:
-            return _continue(chunk, part, progress, timeout)
+            return _append_missing(chunk, part, progress, timeout)
         except BROKEN as error:
             if isinstance(error, urllib.error.HTTPError):
                 error.close()
@@ -103,24 +105,24 @@ def _complete(chunk: Chunk, part: Path, progress: Progress, tries: int, pause: f
                     f"{chunk.url} answers {error.code} {error.reason}: give another address of {chunk.name} with "
                     f"--urls, or get it by other means and use --from"
                 ) from error
-            came = part.stat().st_size if part.exists() else 0
+            received = part.stat().st_size if part.exists() else 0
             why = " ".join(str(getattr(error, "reason", "") or error or type(error).__name__).split())
-            state = f"{chunk.url}: {why}; {came} of {chunk.bytes} bytes are here"
+            state = f"{chunk.url}: {why}; {received} of {chunk.bytes} bytes are here"
             if attempt == tries:
                 raise InputError(f"{state} after {tries} tries: run it again, it goes on from there") from error
             logger.warning("%s; trying again in %g s", state, pause * attempt)
             time.sleep(pause * attempt)
 
 
-def _continue(chunk: Chunk, part: Path, progress: Progress, timeout: float) -> None:
-    """One connection: append what is missing."""
+def _append_missing(chunk: Chunk, part: Path, progress: Progress, timeout: float) -> None:
+    """Append the missing bytes, as far as one connection lasts."""
     have = part.stat().st_size if part.exists() else 0
-    if have >= chunk.bytes:  # more than that cannot be right: the md5 will say so
+    if have >= chunk.bytes:  # more cannot be right: the md5 check finds out
         return
     headers = {"User-Agent": "jointsdf", **({"Range": f"bytes={have}-"} if have else {})}
     request = urllib.request.Request(chunk.url, headers=headers)
     with urllib.request.urlopen(request, timeout=timeout) as answer:
-        start, total = _extent(answer)
+        start, total = _parse_extent(answer)
         if total not in (None, chunk.bytes) or start > have:
             raise InputError(
                 f"{chunk.url} sends a file of {total} bytes, {chunk.name} has {chunk.bytes}: it is not ABC's archive; "
@@ -130,31 +132,26 @@ def _continue(chunk: Chunk, part: Path, progress: Progress, timeout: float) -> N
             file.truncate(start)
             file.seek(start)
             while (block := answer.read1(BLOCK)) and file.tell() < chunk.bytes:
-                _write(file, block)
+                file.write(block)
                 show(file.tell())
-            came = file.tell()
-    if came < chunk.bytes:
+            received = file.tell()
+    if received < chunk.bytes:
         raise ConnectionError("the connection was closed half-way")
 
 
-def _extent(answer: http.client.HTTPResponse) -> tuple[int, int | None]:
-    """Which byte of the file an answer begins with, and how many the file has (None where that is not said)."""
+def _parse_extent(answer: http.client.HTTPResponse) -> tuple[int, int | None]:
+    """First byte of the file that an answer holds, and the file's size (None where the server does not give it)."""
     if answer.status == 206:
-        said = re.fullmatch(r"bytes (\d+)-\d+/(\d+|\*)", answer.headers.get("Content-Range", ""))
-        if not said:
+        extent = re.fullmatch(r"bytes (\d+)-\d+/(\d+|\*)", answer.headers.get("Content-Range", ""))
+        if not extent:
             raise ConnectionError("the server's answer does not say which part of the file it is")
-        return int(said[1]), None if said[2] == "*" else int(said[2])
+        return int(extent[1]), None if extent[2] == "*" else int(extent[2])
     length = answer.headers.get("Content-Length", "")
     return 0, int(length) if length.isdecimal() else None
 
 
-def _write(file: BinaryIO, block: bytes) -> None:
-    """Write a block where a test can fill the disk."""
-    file.write(block)
-
-
-def _check_sum(chunk: Chunk, part: Path, progress: Progress) -> None:
-    """Delete the download unless it is what ABC's list says."""
+def _check_md5(chunk: Chunk, part: Path, progress: Progress) -> None:
+    """Delete the download unless it has the md5 of ABC's list."""
     digest = hashlib.md5(usedforsecurity=False)
     with part.open("rb") as file, progress(f"check {chunk.name}", chunk.bytes) as show:
         while block := file.read(BLOCK):

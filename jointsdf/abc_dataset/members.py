@@ -1,4 +1,4 @@
-"""Names in the ABC dataset: which file and which archive holds what of which model."""
+"""Names of files and archives in the ABC dataset, and searches by them."""
 
 import re
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ Index = dict[tuple[str, str], list[Path]]
 
 @dataclass(frozen=True)
 class Member:
-    """What a file's name says of it.
+    """The contents of a file, by its name.
 
     Attributes:
         model: ABC's number of the model, 8 digits.
@@ -36,7 +36,7 @@ class Member:
     kind: str
 
     def belongs_to(self, entry: CatalogueEntry) -> bool:
-        """Whether it is of the catalogue entry's model; some entries know the number alone."""
+        """True if it belongs to the catalogue entry's model; some entries know the number alone."""
         known = re.match(r"\d{8}_([0-9a-f]{24})", entry.abc_id)
         return self.model == entry.abc_id[:8] and (known is None or known[1] == self.document)
 
@@ -56,40 +56,44 @@ class Archive:
     chunk: str | None
 
 
-def parsed(name: str) -> Member | None:
-    """What a file name (folders before it do not matter) says; None if it is no ABC file that is used here."""
+def parse_name(name: str) -> Member | None:
+    """Parse a file name, with or without folders; None if it is no ABC file that is used here.
+
+    >>> parse_name("00000007/00000007_b33a147f86da49879455d286_trimesh_000.obj").kind
+    'obj'
+    """
     found = MEMBER.fullmatch(re.split(r"[\\/]", name)[-1])
     kind = KINDS.get((found[3], found[5])) if found else None
     return Member(found[1], found[2], kind) if found and kind else None
 
 
-def index(folders: Sequence[Path]) -> Index:
-    """The ABC files in folders and all that is below, by model and kind."""
+def index_files(folders: Sequence[Path]) -> Index:
+    """Find the ABC files in folders, recursively, by model and kind."""
     files: Index = {}
     for folder in folders:
         for path in sorted(folder.rglob("*_*_*_*.*")):
-            add(files, path)
+            add_file(files, path)
     return files
 
 
-def add(files: Index, path: Path) -> None:
-    """Add one file, if its name says what it is."""
-    member = parsed(path.name)
+def add_file(files: Index, path: Path) -> None:
+    """Add one file, if it is an ABC file by its name."""
+    member = parse_name(path.name)
     if member and path.is_file():
         files.setdefault((member.model, member.kind), []).append(path)
 
 
-def find(files: Index, entry: CatalogueEntry, kind: str) -> Path | None:
-    """The file of one kind of a catalogue entry's model."""
+def find_file(files: Index, entry: CatalogueEntry, kind: str) -> Path | None:
+    """Find the file of one kind of a catalogue entry's model."""
     for path in files.get((entry.abc_id[:8], kind), []):
-        member = parsed(path.name)
+        member = parse_name(path.name)
         if member and member.belongs_to(entry):
             return path
     return None
 
 
-def archives(sources: Sequence[Path]) -> list[Archive]:
-    """The 7z files among the sources, and those named as ABC names them in folders and below."""
+def find_archives(sources: Sequence[Path]) -> list[Archive]:
+    """List the 7z files among the sources, and those under ABC's names in folders, recursively."""
     paths = []
     for source in sources:
         inside = source.rglob("*.7z") if source.is_dir() else []
@@ -101,8 +105,8 @@ def archives(sources: Sequence[Path]) -> list[Archive]:
     ]
 
 
-def check(sources: Sequence[Path]) -> None:
-    """Refuse sources that cannot be one.
+def check_sources(sources: Sequence[Path]) -> None:
+    """Refuse what cannot be a source.
 
     Raises:
         InputError: One is missing, or a file but no 7z archive.

@@ -1,4 +1,4 @@
-"""How far a long step is: bars on a terminal, nothing elsewhere."""
+"""Progress of long steps: bars on a terminal, nothing elsewhere."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -18,10 +18,10 @@ def silent(title: str, total: int) -> Iterator[Callable[[int], None]]:  # noqa: 
 
 @contextmanager
 def bars(title: str, total: int) -> Iterator[Callable[[int], None]]:
-    """A bar on standard error while the block runs, nothing where that is no terminal.
+    """Show a bar on standard error while the block runs, nothing where that is no terminal.
 
     Args:
-        title: What is being done.
+        title: Of the step.
         total: Bytes in all.
     """
     columns = (

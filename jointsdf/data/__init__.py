@@ -1,1 +1,1 @@
-"""Ground truth -> training points of every step."""
+"""Training points of every step, drawn from a ground-truth shape."""

@@ -1,4 +1,4 @@
-"""The stream of training samples, one batch per step."""
+"""Lightning data module: an endless stream of training samples, one batch per step."""
 
 from collections.abc import Iterator
 
@@ -11,11 +11,11 @@ from jointsdf.values import Samples
 
 
 class StepStream(IterableDataset[Samples]):
-    """The samples of step `start`, `start + 1`, ...: the same for any number of workers.
+    """Samples of step `start`, `start + 1`, ...: the same for any number of workers.
 
     Args:
         sampler: Draws one step.
-        start: First step, so that a resumed run goes on where it was.
+        start: First step, so that a resumed run continues where it stopped.
     """
 
     def __init__(self, sampler: Sampler, start: int) -> None:
@@ -23,7 +23,7 @@ class StepStream(IterableDataset[Samples]):
         self.sampler, self.start = sampler, start
 
     def __iter__(self) -> Iterator[Samples]:
-        """Every step from `start` on, without end; worker w of n yields every n-th, which the loader interleaves."""
+        """Every step from `start` on, without end; n workers yield every n-th each, interleaved by the loader."""
         worker = get_worker_info()
         step, stride = (self.start, 1) if worker is None else (self.start + worker.id, worker.num_workers)
         while True:
@@ -44,12 +44,12 @@ class ShapeDataModule(LightningDataModule):
         self.sampler, self.workers = sampler, workers
 
     def train_dataloader(self) -> DataLoader[Samples]:
-        """The stream from the trainer's current step on."""
+        """Stream from the trainer's current step on."""
         start = self.trainer.global_step if self.trainer else 0
         return DataLoader(
             StepStream(self.sampler, start),
             batch_size=None,
             num_workers=self.workers,
-            generator=torch.Generator(),  # of a seed for the workers, which draw nothing by it; not the process's own
+            generator=torch.Generator(),  # seeds the workers, which draw nothing from it; spares the process's own
             persistent_workers=self.workers > 0,
         )

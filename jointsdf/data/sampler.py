@@ -1,4 +1,4 @@
-"""The points of each step, as a function of (seed, step) alone."""
+"""Points of each training step, a function of (seed, step) alone."""
 
 from dataclasses import dataclass
 
@@ -14,12 +14,12 @@ from jointsdf.data.point_cloud import STEPS, Cloud, stream
 from jointsdf.errors import InputError, require_integer, require_number
 from jointsdf.values import BOX, Samples
 
-SHELL_NEIGHBOUR = 51  # the released FlatCAD code: noise as wide as the distance to the 51st neighbour
+SHELL_NEIGHBOUR = 51  # width of the noise: distance to this neighbour, as in the released FlatCAD code
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Points of one step.
+    """Numbers of points in one step.
 
     Attributes:
         manifold: On the surface, from the cloud.
@@ -60,7 +60,7 @@ class Counts:
 
 
 class Sampler:
-    """Draws the `Samples` of any step.
+    """Draws the `Samples` of any step from the cloud and the pool.
 
     Args:
         cloud: The training cloud.
@@ -89,9 +89,13 @@ class Sampler:
         self.class_starts = np.cumsum(self.class_sizes) - self.class_sizes + (labels < 0).sum()
 
     def draw(self, step: int) -> Samples:
-        """The points of one step, counted from 0."""
+        """Draw the points of one step.
+
+        Args:
+            step: Counted from 0.
+        """
         generator, cloud, counts = stream(self.seed, STEPS, step), self.cloud, self.counts
-        manifold = self._manifold(generator)
+        manifold = self._draw_manifold(generator)
         around = generator.integers(cloud.uniform, size=counts.shell)
         shell = cloud.points[around] + self.shell_widths[around] * generator.standard_normal((counts.shell, 3))
         if counts.shell_offset:
@@ -99,18 +103,18 @@ class Sampler:
             shell = shell + offsets * cloud.normals[around]
         known = generator.integers(len(self.pool), size=counts.pool) if len(self.pool) else np.arange(0)
         return Samples(
-            manifold=_float(cloud.points[manifold]),
+            manifold=_to_float32(cloud.points[manifold]),
             labels=torch.from_numpy(cloud.labels[manifold]),
-            normals=_float(cloud.normals[manifold]),
-            non_manifold=_float(generator.uniform(-BOX, BOX, (counts.non_manifold, 3))),
-            shell=_float(shell),
-            angles=_float(generator.uniform(0, 2 * np.pi, counts.shell)),
-            pool=_float(self.pool[known]),
-            pool_distances=_float(self.pool_distances[known]),
+            normals=_to_float32(cloud.normals[manifold]),
+            non_manifold=_to_float32(generator.uniform(-BOX, BOX, (counts.non_manifold, 3))),
+            shell=_to_float32(shell),
+            angles=_to_float32(generator.uniform(0, 2 * np.pi, counts.shell)),
+            pool=_to_float32(self.pool[known]),
+            pool_distances=_to_float32(self.pool_distances[known]),
         )
 
-    def _manifold(self, generator: Generator) -> Int[ndarray, " m"]:
-        """Indices into the cloud: shares balanced over the parts, over the regions, near borders, the rest uniform."""
+    def _draw_manifold(self, generator: Generator) -> Int[ndarray, " m"]:
+        """Indices into the cloud: shares balanced over parts, over regions and near borders, the rest uniform."""
         counts, cloud = self.counts, self.cloud
         indices = generator.integers(cloud.uniform, size=counts.manifold)
         present = np.flatnonzero(self.class_sizes)
@@ -128,5 +132,5 @@ class Sampler:
         return indices
 
 
-def _float(array: ndarray) -> Tensor:
+def _to_float32(array: ndarray) -> Tensor:
     return torch.from_numpy(array.astype(np.float32))

@@ -1,4 +1,4 @@
-"""A shape -> its training cloud, points of known signed distance, and the sampler of every step."""
+"""From a shape to its training cloud, its pool of known signed distances, and the sampler of every step."""
 
 import logging
 from dataclasses import dataclass, replace
@@ -7,31 +7,31 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from jointsdf.data.point_cloud import Cloud, pool_points
+from jointsdf.data.point_cloud import Cloud, draw_pool
 from jointsdf.data.sampler import Counts, Sampler
 from jointsdf.data.surfels import Surfels
 from jointsdf.errors import InputError, require_integer, require_number, require_one_of
 from jointsdf.geometry.distance import network_distance
 from jointsdf.values import Shape
 
-LEAST_POINTS = 100  # of the cloud: a distance to the 51st neighbour is needed, and a surface to be seen
+LEAST_POINTS = 100  # of the cloud: the 51st neighbour must exist, and the points must show a surface
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class SampleSettings:
-    """Sizes of the cloud and the pool, and what is known of them.
+    """Sizes of the cloud and the pool, and the source of distances.
 
     Attributes:
         cloud_size: Points of the training cloud.
         pool_size: Points with known signed distance; 0 where no term uses them.
-        distances: Source of those and of the normals: `mesh`, exact; `cloud`, estimated from the uniform points of the
-            cloud alone.
+        distances: Source of those distances and of the normals: `mesh`, exact; `cloud`, estimated from the uniform
+            points of the cloud alone.
         pool_near: Share of the pool near the surface; the rest is uniform in the box.
         region_points: Points of the cloud spread over the smooth regions, beyond `cloud_size`.
         border_points: Points of the cloud near part borders, beyond `cloud_size`.
-        label_fraction: Share of the cloud that keeps its labels.
+        label_fraction: Share of the cloud that has its labels.
 
     Raises:
         InputError: A value out of its range.
@@ -56,7 +56,7 @@ class SampleSettings:
 
 
 def draw_cloud(shape: Shape, settings: SampleSettings, seed: int) -> Cloud:
-    """The training cloud of a shape, a function of the arguments alone."""
+    """Draw the training cloud of a shape; the same arguments give the same cloud."""
     return Cloud.of(
         shape.mesh,
         count=settings.cloud_size,
@@ -68,7 +68,7 @@ def draw_cloud(shape: Shape, settings: SampleSettings, seed: int) -> Cloud:
 
 
 def prepare_samples(shape: Shape, cloud: Cloud, counts: Counts, settings: SampleSettings, seed: int) -> Sampler:
-    """The sampler of every training step.
+    """Build the sampler of every training step.
 
     Args:
         shape: Ground truth.
@@ -80,7 +80,7 @@ def prepare_samples(shape: Shape, cloud: Cloud, counts: Counts, settings: Sample
     Raises:
         InputError: A cloud from which no distance can be estimated.
     """
-    pool = pool_points(cloud, count=settings.pool_size, near_share=settings.pool_near, seed=seed)
+    pool = draw_pool(cloud, count=settings.pool_size, near_share=settings.pool_near, seed=seed)
     if settings.distances == "mesh":
         known = network_distance(shape, cloud.normalisation).signed(pool)
     else:
@@ -91,11 +91,11 @@ def prepare_samples(shape: Shape, cloud: Cloud, counts: Counts, settings: Sample
 def estimate_from_cloud(
     cloud: Cloud, pool: Float[ndarray, "p 3"]
 ) -> tuple[Cloud, Float[ndarray, "q 3"], Float[ndarray, " q"]]:
-    """Normals and signed distances estimated from the uniform points of the cloud alone, where they leave no doubt.
+    """Estimate normals and signed distances from the uniform points of the cloud alone, where they are unambiguous.
 
     Args:
         cloud: Its own normals are not used; points beyond the uniform ones get none.
-        pool: Where distances are wanted, network frame.
+        pool: Points to estimate distances at, network frame.
 
     Returns:
         The cloud with the estimated normals, the pool points whose distance is known, and those distances.
@@ -106,12 +106,12 @@ def estimate_from_cloud(
     surfels = Surfels(cloud.points[: cloud.uniform])
     normals = np.zeros_like(cloud.normals)
     normals[: cloud.uniform] = surfels.normals
-    distances, told = surfels.signed(pool)
-    if len(pool) and not told.any():
+    distances, known = surfels.signed(pool)
+    if len(pool) and not known.any():
         raise InputError(
             f"data.distances=cloud: {cloud.uniform} points leave no free space in the box; "
             "use a larger data.cloud_size, or data.distances=mesh"
         )
-    shares = surfels.normals.any(axis=1).mean(), told.mean() if len(pool) else 0.0
+    shares = surfels.normals.any(axis=1).mean(), known.mean() if len(pool) else 0.0
     log.info("the cloud gives normals at %.0f%% of its points, and %.0f%% of the distances", *(100 * x for x in shares))
-    return replace(cloud, normals=normals), pool[told], distances[told]
+    return replace(cloud, normals=normals), pool[known], distances[known]

@@ -1,4 +1,4 @@
-"""Scores of a reconstruction, and the reference scores that they are read against."""
+"""Evaluation: scores of a reconstruction, and reference scores (sampling floor, grid ceiling)."""
 
 from jointsdf.evaluation.protocol import Protocol
 

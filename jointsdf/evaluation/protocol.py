@@ -1,4 +1,4 @@
-"""Scores of a reconstruction: samples each surface once per protocol, and runs every metric on the same samples."""
+"""Evaluation protocols: sample each surface once per protocol, and run every metric on the same samples."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -10,12 +10,13 @@ import numpy as np
 
 from jointsdf.errors import InputError
 from jointsdf.geometry.caching import cached_by_identity
-from jointsdf.geometry.mesh import area_uniform, face_areas, face_normals
+from jointsdf.geometry.mesh import face_areas, face_normals
+from jointsdf.geometry.sampling import sample_by_area
 from jointsdf.metrics import Metric
 from jointsdf.values import UNMOVED, LabelledMesh, Normalisation, SurfaceSamples
 
-# Evaluation has seeds of its own, so that all heads and seeds of a shape meet the same ground truth samples. The floor
-# is sampled like a prediction: a perfect prediction scores exactly its floor.
+# Fixed seeds: all runs of a shape are compared with the same ground truth samples. The floor is sampled with the
+# prediction's seed, so that a perfect prediction scores exactly its floor.
 TRUTH_SEED = 1_000_001
 PREDICTED_SEED = 1_000_002
 
@@ -27,14 +28,14 @@ Scores = dict[str, dict[str, float]]  # protocol -> column -> value
 
 @dataclass(frozen=True)
 class Protocol:
-    """How two meshes are compared.
+    """Protocol of a comparison of two meshes.
 
     Args:
-        name: Names the rows that it makes.
+        name: Name of the scores' block in a row.
         points: Area-uniform samples on each mesh.
         frame: Which bounding box is centred and scaled to longest side 1: "truth", the ground truth's, for both meshes;
-            "own", each mesh's own (FlatCAD's published numbers: hides errors of scale and place).
-        metrics: Metrics by a name of the reader's choice; all run on the same samples.
+            "own", each mesh's own (as in FlatCAD's published numbers; hides errors of scale and position).
+        metrics: Metrics by any name; all run on the same samples.
 
     Raises:
         InputError: An unknown frame, or fewer than 1 point.
@@ -46,7 +47,7 @@ class Protocol:
     metrics: Mapping[str, Metric]
 
     def __post_init__(self) -> None:
-        """Check what a user can set."""
+        """Check frame and number of points."""
         if self.frame not in FRAMES:
             raise InputError(f"evaluation frame={self.frame!r}: use one of {', '.join(FRAMES)}")
         if self.points < 1:
@@ -55,11 +56,11 @@ class Protocol:
 
 @dataclass(frozen=True)
 class GroundTruth:
-    """What predictions are compared with: one true mesh, sampled once per protocol for all that it is compared with.
+    """Ground truth of a comparison, sampled once per protocol for all predictions.
 
     Args:
         mesh: File frame.
-        protocols: Ways to compare, by name.
+        protocols: By name.
     """
 
     mesh: LabelledMesh
@@ -67,14 +68,17 @@ class GroundTruth:
 
     @cached_property
     def samples(self) -> dict[str, SurfaceSamples]:
-        """Of the true mesh, by protocol."""
-        return {name: self._sampled(protocol, self.mesh, TRUTH_SEED) for name, protocol in self.protocols.items()}
+        """Samples of the true mesh, by protocol."""
+        return {name: self._sample(protocol, self.mesh, TRUTH_SEED) for name, protocol in self.protocols.items()}
 
     def scores(self, predicted: LabelledMesh) -> Scores:
-        """Every metric of every protocol.
+        """Score a prediction by every metric of every protocol.
 
         Args:
             predicted: The reconstruction, file frame. May be empty.
+
+        Returns:
+            Protocol -> column -> value.
 
         Raises:
             InputError: Two metrics of a protocol write the same column.
@@ -82,26 +86,29 @@ class GroundTruth:
         return self._by_protocol(lambda name: self._scores(name, predicted))
 
     def references(self, ceiling: LabelledMesh | None) -> Scores:
-        """Reference scores, whatever is predicted: `<key>_floor` and `<key>_ceiling` of every protocol.
+        """Reference scores of every protocol, independent of a prediction: `<key>_floor` and `<key>_ceiling`.
 
-        The floor is the ground truth against itself, sampled twice.
+        The floor is the score of the ground truth against itself, sampled twice; the ceiling that of `ceiling`.
 
         Args:
-            ceiling: The mesh of the exact distance on the prediction's grid with the closest true labels, file frame:
-                what grid and face rule alone cost. None makes every `<key>_ceiling` NaN.
+            ceiling: The mesh of the exact distance on the prediction's grid with the closest true labels, file frame;
+                it has the errors of grid and face rule alone. None makes every `<key>_ceiling` NaN.
+
+        Returns:
+            Protocol -> column -> value.
         """
         return self._by_protocol(
             lambda name: self._references(name, "floor", self.mesh) | self._references(name, "ceiling", ceiling)
         )
 
     def _by_protocol(self, scores: Callable[[str], dict[str, float]]) -> Scores:
-        """All at once: what is sorted, gathered or built on one core leaves another one free."""
-        _ = self.samples  # made here, not by two threads at once
+        """Evaluate all protocols in parallel threads: sorting, gathering and trees each use one core."""
+        _ = self.samples  # here, not in two threads at once
         with ThreadPoolExecutor() as pool:
             return dict(zip(self.protocols, pool.map(scores, self.protocols), strict=True))
 
     def _scores(self, protocol: str, predicted: LabelledMesh) -> dict[str, float]:
-        found = self._sampled(self.protocols[protocol], predicted, PREDICTED_SEED)
+        found = self._sample(self.protocols[protocol], predicted, PREDICTED_SEED)
         scores: dict[str, float] = {}
         for name, metric in self.protocols[protocol].metrics.items():
             columns = metric(found, self.samples[protocol])
@@ -112,7 +119,8 @@ class GroundTruth:
         return scores
 
     def _references(self, protocol: str, kind: str, mesh: LabelledMesh | None) -> dict[str, float]:
-        samples = None if mesh is None else self._sampled(self.protocols[protocol], mesh, PREDICTED_SEED)
+        """Scores of a mesh in the columns that the metrics name in `<kind>s`; NaN without a mesh."""
+        samples = None if mesh is None else self._sample(self.protocols[protocol], mesh, PREDICTED_SEED)
         columns: dict[str, float] = {}
         for metric in self.protocols[protocol].metrics.values():
             keys: tuple[str, ...] = getattr(metric, f"{kind}s", ())
@@ -122,13 +130,13 @@ class GroundTruth:
                 columns |= {f"{key}_{kind}": values[key] for key in keys}
         return columns
 
-    def _sampled(self, protocol: Protocol, mesh: LabelledMesh, seed: int) -> SurfaceSamples:
+    def _sample(self, protocol: Protocol, mesh: LabelledMesh, seed: int) -> SurfaceSamples:
         frame = bounding_frame(self.mesh if protocol.frame == "truth" else mesh)
         return sample_surface(mesh, protocol.points, seed, frame)
 
 
 def bounding_frame(mesh: LabelledMesh) -> Normalisation:
-    """The map to the frame where the mesh's bounding box is centred, its longest side 1; identity without faces."""
+    """Map to the frame in which the mesh's bounding box is centred with longest side 1; identity without faces."""
     if mesh.is_empty:
         return UNMOVED
     used = np.zeros(len(mesh.vertices), dtype=bool)
@@ -139,17 +147,17 @@ def bounding_frame(mesh: LabelledMesh) -> Normalisation:
 
 
 def sample_surface(mesh: LabelledMesh, count: int, seed: int, frame: Normalisation = UNMOVED) -> SurfaceSamples:
-    """Draw area-uniform points on a mesh, a function of the arguments alone.
+    """Draw area-uniform points on a mesh, deterministic in the arguments.
 
     Args:
         mesh: File frame.
         count: Number of points. A mesh without any area gets none.
         seed: Of the draw.
-        frame: That of the points.
+        frame: File frame -> frame of the points.
     """
     nothing = SurfaceSamples(mesh, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), frame)
     if mesh.is_empty:
         return nothing
-    points, faces = area_uniform(mesh.vertices, mesh.faces, _areas(mesh), count, np.random.default_rng(seed))
+    points, faces = sample_by_area(mesh.vertices, mesh.faces, _areas(mesh), count, np.random.default_rng(seed))
     normals = face_normals(mesh.vertices.astype(np.float64), mesh.faces[faces])
     return SurfaceSamples(mesh, frame.forward(points), normals, faces, frame) if normals.any() else nothing

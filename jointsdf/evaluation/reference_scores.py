@@ -1,4 +1,4 @@
-"""What scores are read against, floors and ceilings: measured once per shape and grid, kept for its other runs."""
+"""Reference scores (sampling floor, grid ceiling), cached per shape and grid."""
 
 import json
 from dataclasses import replace
@@ -13,21 +13,24 @@ from jointsdf.runs.provenance import code_state
 from jointsdf.runs.row import config_hash
 from jointsdf.values import LabelledMesh, Normalisation, Shape
 
-CHUNK = 1 << 18  # points asked of the exact distance at once: libigl makes a search tree in every call
+CHUNK = 1 << 18  # points per query of the exact distance: libigl builds a search tree in every call
 LIBRARIES = ("numpy", "scipy", "libigl", "scikit-image")
 
 
 def reference_scores(
     truth: GroundTruth, shape: Shape, extraction: Extraction, normalisation: Normalisation, cache_dir: Path | None
 ) -> Scores:
-    """Floors and ceilings of every protocol.
+    """Floors and ceilings of every protocol, read from the cache where nothing that decides them has changed.
 
     Args:
-        truth: How the shape is measured.
+        truth: The shape's mesh with the protocols.
         shape: Ground truth.
-        extraction: What makes the prediction's mesh.
+        extraction: Extraction of the prediction's mesh.
         normalisation: File frame -> network frame, of the prediction.
-        cache_dir: Folder where they are kept from run to run; None measures them anew.
+        cache_dir: Folder of the cache, one JSON file per shape and grid; None computes them anew.
+
+    Returns:
+        Protocol -> column -> value.
     """
     if cache_dir is None:
         return truth.references(ceiling_mesh(shape, extraction, normalisation))
@@ -39,15 +42,15 @@ def reference_scores(
     }
     path = cache_dir / f"{config_hash(facts)}.json"
     if path.is_file():
-        known: Scores = json.loads(path.read_text(encoding="utf-8"))
-        return known
+        cached: Scores = json.loads(path.read_text(encoding="utf-8"))
+        return cached
     found = truth.references(ceiling_mesh(shape, extraction, normalisation))
     write_atomically(path, json.dumps(found))
     return found
 
 
 def ceiling_mesh(shape: Shape, extraction: Extraction, normalisation: Normalisation) -> LabelledMesh:
-    """The mesh of the exact distance on the prediction's grid with the closest true labels, file frame."""
+    """Extract the exact distance on the prediction's grid, with the label of the closest true face; file frame."""
     exact = network_distance(shape, normalisation)
     return replace(extraction, chunk=CHUNK).labelled_mesh(
         exact.signed, lambda points: shape.mesh.labels[exact.closest_face(points)], normalisation

@@ -11,7 +11,7 @@ from jointsdf.experiment.summary import summary
 from jointsdf.runs import folder as run_folder
 from jointsdf.runs import status
 from jointsdf.runs.lock import lock
-from jointsdf.runs.reuse import known_row
+from jointsdf.runs.reuse import find_reusable_row
 from jointsdf.runs.row import ResultRow, config_hash, write_row
 
 log = logging.getLogger(__name__)
@@ -38,7 +38,7 @@ def find_row(
         log.info("%s holds this run's result already; force=true runs it again", folder)
         status.end(folder)
     elif cfg.reuse and not cfg.force:
-        row = known_row(config_hash(fingerprint), folder, Path(cfg.paths.outputs), Path(cfg.paths.results))
+        row = find_reusable_row(config_hash(fingerprint), folder, Path(cfg.paths.outputs), Path(cfg.paths.results))
         if row:
             _copy_row(row, folder, settings, fingerprint, wait=wait)
     if row:

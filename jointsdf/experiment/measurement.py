@@ -46,7 +46,7 @@ def extract(field: JointField, measures: build.Measures, *, refine: bool) -> tup
 
     extraction = measures.extraction
     extraction, surface = refine_until_stable(extraction, sdf) if refine else (extraction, extraction.surface(sdf))
-    mesh = extraction.labelled(surface, field.network_part, field.normalisation)
+    mesh = extraction.label_faces(surface, field.network_part, field.normalisation)
     return replace(measures, extraction=extraction), mesh
 
 
@@ -84,7 +84,7 @@ def measure_again(folder: Path) -> tuple[ResultRow, Scores]:
     """
     with phase("load", str(folder)):
         settings, shape = stored_truth(folder)
-        cfg, row = OmegaConf.create(settings), run_folder.stored_row(folder)
+        cfg, row = OmegaConf.create(settings), run_folder.read_result(folder)
     field = JointField.load(folder / run_folder.FIELD)
     resolution = row.provenance["resolution"]
     assert isinstance(resolution, int), "a row without its grid"

@@ -13,7 +13,7 @@ from jointsdf.shapes.mesh_report import MeshReport
 from jointsdf.training.fit import tensorboard_logger
 from jointsdf.training.hardware import peak_memory_mb
 from jointsdf.values import LabelledMesh, Shape
-from jointsdf.viewing.render import compare, write_png
+from jointsdf.viewing.render import render_comparison, write_png
 
 
 def save_pictures(
@@ -38,7 +38,7 @@ def save_pictures(
     """
     caption = f"{cfg.recipe}, head {cfg.head.name}, {resolution}^3"
     tell(0, 2, "preview.png")
-    picture = compare(shape.mesh, mesh, captions=(f"{shape.name}: ground truth", caption))
+    picture = render_comparison(shape.mesh, mesh, captions=(f"{shape.name}: ground truth", caption))
     write_png(folder / "preview.png", picture)
     tell(1, facts="TensorBoard")
     settings = {"recipe": cfg.recipe, "head": cfg.head.name, "shape": shape.name, "seed": cfg.seed}

@@ -11,7 +11,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from jointsdf import shapes
 from jointsdf.errors import InputError, first_line
-from jointsdf.runs import folder as run_folder
+from jointsdf.runs.fingerprint import fingerprint_of
 from jointsdf.shapes.stored import shape_identity
 from jointsdf.values import Shape
 
@@ -81,7 +81,7 @@ def resolve_settings(cfg: DictConfig, shape: Shape, rate: float) -> tuple[dict[s
     if settings["partfield_dir"] is not None:
         settings["partfield_dir"] = str(Path(str(settings["partfield_dir"])).expanduser().resolve())
     settings["paths"]["abc_root"] = str(Path(cfg.paths.abc_root).expanduser().resolve())
-    fingerprint = run_folder.identity(settings, **shape_identity(shape))
+    fingerprint = fingerprint_of(settings, **shape_identity(shape))
     if rate == 1:  # a limit that the shape does not reach decides nothing
         del fingerprint["trainer"]["full_rate_area"]
     return settings, fingerprint
@@ -89,4 +89,4 @@ def resolve_settings(cfg: DictConfig, shape: Shape, rate: float) -> tuple[dict[s
 
 def shared_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Settings that decide numbers and that all runs of one table share: all but head, shape and seed."""
-    return {key: value for key, value in run_folder.identity(settings).items() if key not in ("head", "shape", "seed")}
+    return {key: value for key, value in fingerprint_of(settings).items() if key not in ("head", "shape", "seed")}

@@ -78,7 +78,7 @@ class Sweep(Callback):
         if len(active_sweep.wanted) < len(folders):
             what = f"{len(folders)} runs share {len(active_sweep.wanted)} folders"
             log.warning("%s: name what differs in variant=, e.g. 'variant=tap=${trunk.tap}'", what)
-        done = Counter(status.state(folder).kind for folder in active_sweep.wanted)["done"]
+        done = Counter(status.read_state(folder).kind for folder in active_sweep.wanted)["done"]
         log.info("%d runs wanted, %d of them finished before", len(active_sweep.wanted), done)
 
 
@@ -101,7 +101,7 @@ def run_one(cfg: DictConfig, *, wait_for_others: bool = False) -> float | None:
     try:
         build.check_config(cfg)
         folder = folder_of(cfg)
-        before = status.state(folder)
+        before = status.read_state(folder)
         if before.killed_twice:
             raise InputError(f"its process was killed twice at step {before.step}: is memory short?")
         with log_levels(dict.fromkeys(RUN_LOGGERS, logging.ERROR)), run_named(f"{cfg.head.name} {cfg.shape}"):
@@ -142,7 +142,7 @@ def sum_up() -> int:
         return 0
     kinds: Counter[str] = Counter()
     for folder in sweep.wanted:
-        state = status.state(folder)
+        state = status.read_state(folder)
         kinds[state.kind] += 1
         if state.kind == "failed":
             log.error("failed: %s: %s", folder, state.error)
@@ -167,8 +167,8 @@ def _check_engine(config: DictConfig) -> None:
 
 def _progress(folder: Path) -> str:
     """Progress of the sweep, e.g. `[12/200, 1 failed, 3:10 h left]`; no time left in a process that drives no sweep."""
-    wanted = active_sweep.wanted or status.planned(folder.parents[STUDY_LEVEL])
-    kinds = Counter(status.state(folder).kind for folder in wanted)
+    wanted = active_sweep.wanted or status.planned_runs(folder.parents[STUDY_LEVEL])
+    kinds = Counter(status.read_state(folder).kind for folder in wanted)
     new = sum(_finished_since(folder, active_sweep.started) for folder in active_sweep.wanted)
     unfinished = len(wanted) - kinds["done"] - kinds["failed"]
     parts = [f"{kinds['done']}/{len(wanted)}"]

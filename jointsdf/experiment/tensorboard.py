@@ -22,7 +22,7 @@ from jointsdf.model.field import JointField
 from jointsdf.training.module import JointSDFModule
 from jointsdf.values import LabelledMesh, Shape
 from jointsdf.viewing.export import fits_tensorboard, tensorboard_mesh
-from jointsdf.viewing.render import compare
+from jointsdf.viewing.render import render_comparison
 
 PREVIEW_POINTS = 5000  # samples on each surface
 PREVIEW_WIDTH, PREVIEW_HEIGHT = 320, 240  # pixels
@@ -117,7 +117,7 @@ def preview_factory(cfg: DictConfig, shape: Shape, protocol: Protocol) -> Callab
         truth=shape.mesh,
         protocol=Protocol("preview", PREVIEW_POINTS, "truth", protocol.metrics),
         settings=settings,
-        picture=partial(compare, captions=captions, width=PREVIEW_WIDTH, height=PREVIEW_HEIGHT),
+        picture=partial(render_comparison, captions=captions, width=PREVIEW_WIDTH, height=PREVIEW_HEIGHT),
     )
 
 

@@ -1,4 +1,4 @@
-"""Part borders on a mesh: one label per face from labels at its vertices, by vote or by cutting faces at the border."""
+"""Face labels from labels at the vertices: by majority vote, or by cutting faces along the part borders."""
 
 from collections.abc import Callable
 
@@ -7,20 +7,24 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 Label = Callable[[Float[ndarray, "n 3"]], Int[ndarray, " n"]]
-BISECTIONS = 6
-NEAREST_CUT = 1 / 64  # of the edge: no cut closer to a vertex, so that no sliver has zero area
+BISECTIONS = 6  # of an edge: its cut is exact to 1/64 of its length
+NEAREST_CUT = 1 / 64  # of the edge: least distance of a cut to a vertex, so that no sliver has zero area
 
 
-def majority(
+def majority_labels(
     vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], at_vertices: Int[ndarray, " v"], label: Label
 ) -> Int[ndarray, " f"]:
-    """The label of most of a face's vertices; where all three differ, the label at its centroid.
+    """Label of most of each face's vertices; where all three differ, the label at its centroid.
 
     Args:
-        vertices: Positions, in the frame that `label` speaks.
+        vertices: Positions, in the frame of `label`.
         faces: Vertex indices.
         at_vertices: Label at each vertex.
         label: Points -> labels.
+
+    >>> corners, face = np.eye(3), np.array([[0, 1, 2]])
+    >>> majority_labels(corners, face, np.array([4, 7, 4]), lambda points: np.zeros(len(points), int)).tolist()
+    [4]
     """
     first, second, third = at_vertices[faces].T
     labels = np.where(second == third, second, first)
@@ -29,7 +33,7 @@ def majority(
     return labels
 
 
-def split(
+def split_at_borders(
     vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], at_vertices: Int[ndarray, " v"], label: Label
 ) -> tuple[Float[ndarray, "w 3"], Int[ndarray, "g 3"], Int[ndarray, " g"]]:
     """Cut every face that a border crosses along that border, so that labels are finer than faces.
@@ -38,37 +42,37 @@ def split(
     is and as closed as it was. A face with two labels becomes three, one with three labels six about its centroid.
 
     Args:
-        vertices: Positions, in the frame that `label` speaks.
+        vertices: Positions, in the frame of `label`.
         faces: Vertex indices.
         at_vertices: Label at each vertex.
         label: Points -> labels.
 
     Returns:
-        Vertices (the old ones first), faces, and the label of each face.
+        Vertices (the given ones first), faces, and the label of each face.
     """
     corner_labels = at_vertices[faces]
-    odd = corner_labels != np.roll(corner_labels, -1, axis=1)  # whether edge (i, i+1) crosses a border
-    crossed = odd.sum(axis=1)
-    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1)[odd]
+    crosses = corner_labels != np.roll(corner_labels, -1, axis=1)  # edge (i, i+1) crosses a border
+    crossings = crosses.sum(axis=1)
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1)[crosses]
     edges, which = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
     cuts = np.full(faces.shape, -1)
-    cuts[odd] = len(vertices) + which.reshape(-1)
-    cut_points = _cut(vertices[edges[:, 0]], vertices[edges[:, 1]], at_vertices[edges[:, 0]], label)
-    whole, two, three = (crossed == count for count in (0, 2, 3))
+    cuts[crosses] = len(vertices) + which.reshape(-1)
+    cut_points = _bisect_label(vertices[edges[:, 0]], vertices[edges[:, 1]], at_vertices[edges[:, 0]], label)
+    whole, two, three = (crossings == count for count in (0, 2, 3))
     centres = vertices[faces[three]].mean(axis=1)
     pieces = [
         (faces[whole], corner_labels[whole, 0]),
-        _in_three(faces[two], cuts[two], corner_labels[two]),
-        _in_six(faces[three], cuts[three], corner_labels[three], len(vertices) + len(cut_points)),
+        _split_in_three(faces[two], cuts[two], corner_labels[two]),
+        _split_in_six(faces[three], cuts[three], corner_labels[three], len(vertices) + len(cut_points)),
     ]
     new_faces, labels = (np.concatenate(column) for column in zip(*pieces, strict=True))
     return np.concatenate([vertices, cut_points, centres]), new_faces, labels
 
 
-def _cut(
+def _bisect_label(
     starts: Float[ndarray, "e 3"], ends: Float[ndarray, "e 3"], start_labels: Int[ndarray, " e"], label: Label
 ) -> Float[ndarray, "e 3"]:
-    """Where the label of each edge's start ends, by bisection."""
+    """Point of each edge at which the label of its start ends, by bisection."""
     low, high = np.zeros((len(starts), 1)), np.ones((len(starts), 1))
     for _ in range(BISECTIONS if len(starts) else 0):
         middle = (low + high) / 2
@@ -77,22 +81,22 @@ def _cut(
     return starts + np.clip((low + high) / 2, NEAREST_CUT, 1 - NEAREST_CUT) * (ends - starts)
 
 
-def _in_three(
+def _split_in_three(
     faces: Int[ndarray, "f 3"], cuts: Int[ndarray, "f 3"], labels: Int[ndarray, "f 3"]
 ) -> tuple[Int[ndarray, "g 3"], Int[ndarray, " g"]]:
-    """Cut off the corner whose label is the odd one out; the uncut edge is opposite it."""
+    """Cut off the corner with a label of its own; the uncut edge is opposite it."""
     uncut = np.argmax(cuts < 0, axis=1)
-    turn = (uncut[:, None] + np.array([2, 0, 1])) % 3  # the odd corner first, winding kept
+    turn = (uncut[:, None] + np.array([2, 0, 1])) % 3  # the corner cut off first, same winding
     (a, b, c), (ab, _, ca) = np.take_along_axis(faces, turn, 1).T, np.take_along_axis(cuts, turn, 1).T
-    odd, even, _ = np.take_along_axis(labels, turn, 1).T
+    own, shared, _ = np.take_along_axis(labels, turn, 1).T
     triangles = [np.stack(corners, axis=1) for corners in ((a, ab, ca), (ab, b, c), (ab, c, ca))]
-    return np.concatenate(triangles), np.concatenate([odd, even, even])
+    return np.concatenate(triangles), np.concatenate([own, shared, shared])
 
 
-def _in_six(
+def _split_in_six(
     faces: Int[ndarray, "f 3"], cuts: Int[ndarray, "f 3"], labels: Int[ndarray, "f 3"], first_centre: int
 ) -> tuple[Int[ndarray, "g 3"], Int[ndarray, " g"]]:
-    """Give each corner of a face with three labels its third, about the centroid."""
+    """Give each corner of a face with three labels a third of it, about the centroid."""
     centre = first_centre + np.arange(len(faces))
     triangles, owners = [], []
     for i in range(3):

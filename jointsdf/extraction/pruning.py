@@ -1,145 +1,111 @@
-"""Which octants of a grid's blocks the zero level set can pass through, told from the values at the blocks' corners."""
+"""Octree pruning: octants of blocks that cannot hold a zero, by bounds on slope and interpolation error.
 
-from typing import NamedTuple, TypeVar
+The bound on the slope is a Lipschitz constant, as in Kalra and Barr, "Guaranteed Ray Intersections with Implicit
+Surfaces" (1989), but estimated from samples of the field.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from numpy import ndarray
 from scipy.ndimage import maximum_filter
 
+from jointsdf.extraction.blocks import (
+    PendingBlocks,
+    PrunedBlocks,
+    coarse_index,
+    extents,
+    queue_octants,
+    select,
+)
 from jointsdf.extraction.sparse_grid import CORNERS, Grid
 
-SAFETY = 1.25  # on the steepest slope, and the largest distance from interpolation, seen: to bound those not seen
-ROUNDING = np.float32(1e-6)  # of the field's float32: smaller distances from interpolation tell nothing
-ACROSS = ((1, 2), (0, 2), (0, 1))  # the other two axes
-OF_OCTANT = (CORNERS[:, None] + CORNERS) @ np.array([9, 3, 1])  # of a block's 27 points at half its stride
-# Largest distance of a corner of the unit cube (second axis) to a point of its octant (first axis).
+SAFETY = 1.25  # factor from the largest slope or interpolation error observed to the bound on those not observed
+ROUNDING = np.float32(1e-6)  # of the field's float32, network length units: least interpolation error to go by
+NEIGHBOURHOOD = 3  # coarse blocks along an axis: a block and those beside it
+OTHER_AXES = ((1, 2), (0, 2), (0, 1))
+CORNERS_OF_OCTANTS = (CORNERS[:, None] + CORNERS) @ np.array([9, 3, 1])  # index into a block's 3^3 half-stride points
+# Largest distance of a corner of the unit cube (second axis) to a point of its octant (first axis): by the number of
+# axes along which corner and octant are apart.
 REACH = np.sqrt(np.array([0.75, 1.5, 2.25, 3], dtype=np.float32))[np.abs(CORNERS[:, None] - CORNERS).sum(axis=-1)]
 
-Blocks = Int[ndarray, "_ 3"]  # of some stride: in units of that stride
-Octants = Bool[ndarray, "_ 8"]  # of each block, in the order of `CORNERS`
 
-
-class Halved(NamedTuple):
-    """Blocks of one stride, corners evaluated, some of whose octants are to be judged.
+class Bounds(NamedTuple):
+    """Bounds on the field in each coarse block; or the largest values observed there.
 
     Attributes:
-        blocks: In units of the stride.
-        bends: Distance of the field from what is interpolated that was found at their corners, network length units;
-            infinite: not known.
-        octants: Those to be judged.
+        slope: Steepest slope, dimensionless.
+        error_ratio: Largest interpolation error within a block, in units of the block's own `interpolation_error`.
     """
 
-    blocks: Blocks
-    bends: Float[ndarray, " _"]
-    octants: Octants
+    slope: Float[ndarray, "b b b"]
+    error_ratio: Float[ndarray, "b b b"]
 
 
-class Skipped(NamedTuple):
-    """Blocks of one stride, some of whose octants hold no zero, as far as is believed.
-
-    Attributes:
-        blocks: In units of the stride.
-        bends: As in `Halved`.
-        octants: The skipped ones.
-        bent: Those of them that the bend alone rules out.
-    """
-
-    blocks: Blocks
-    bends: Float[ndarray, " _"]
-    octants: Octants
-    bent: Octants
-
-
-Table = TypeVar("Table", Halved, Skipped)
-
-
-class Believed(NamedTuple):
-    """What bounds the field in each coarse block; or what was seen there.
-
-    Attributes:
-        slopes: Steepest slope, dimensionless.
-        bends: Largest distance from what is interpolated, in units of a block's own bend.
-    """
-
-    slopes: Float[ndarray, "b b b"]
-    bends: Float[ndarray, "b b b"]
-
-
-def of_lattice(grid: Grid) -> Believed:
-    """What the lattice tells: the slopes between its points, in each block and around it, and in the median block."""
+def bounds_from_lattice(grid: Grid) -> Bounds:
+    """First guess: the slopes between lattice points in each block and around it, at least the median block's."""
     lengths, blocks = np.diff(grid.lines) * grid.spacing, len(grid.lines) - 1
     rises = [np.diff(grid.lattice.astype(np.float64), axis=axis) for axis in range(3)]
-    squared = [(rise / np.expand_dims(lengths, rest)) ** 2 for rise, rest in zip(rises, ACROSS, strict=True)]
-    slopes = np.zeros((blocks,) * 3)
+    squared = [(rise / np.expand_dims(lengths, rest)) ** 2 for rise, rest in zip(rises, OTHER_AXES, strict=True)]
+    slope = np.zeros((blocks,) * 3)
     for corner in CORNERS:  # of a block: its three edges there
         edges = np.zeros((blocks,) * 3)
         for axis, along in enumerate(squared):
             edges += along[
                 tuple(slice(side, side + blocks) if i != axis else slice(None) for i, side in enumerate(corner))
             ]
-        slopes = np.maximum(slopes, np.sqrt(edges))
-    slopes = SAFETY * np.maximum(maximum_filter(slopes, size=3), np.median(slopes))
-    return Believed(slopes, np.ones_like(slopes))
+        slope = np.maximum(slope, np.sqrt(edges))
+    slope = SAFETY * np.maximum(maximum_filter(slope, size=NEIGHBOURHOOD), np.median(slope))
+    return Bounds(slope, np.ones_like(slope))
 
 
-def corrected(believed: Believed, seen: Believed) -> tuple[Believed, Bool[ndarray, "b b b"]]:
-    """What is believed after a check: more, where more was seen and around; and where that is."""
-    raised, failed = [], np.zeros(seen.slopes.shape, dtype=bool)
-    for bound, found in zip(believed, seen, strict=True):
-        failed |= found > bound
-        raised.append(np.maximum(bound, maximum_filter(np.where(found > bound, SAFETY * found, 0), size=3)))
-    return Believed(*raised), maximum_filter(failed, size=3)
+def widen_bounds(bounds: Bounds, observed: Bounds) -> tuple[Bounds, Bool[ndarray, "b b b"]]:
+    """Raise bounds to `SAFETY` times what exceeds them, in that coarse block and those beside it.
 
-
-def halved(grid: Grid, blocks: Blocks, bends: Float[ndarray, " n"], stride: int) -> Halved:
-    """Blocks with all their octants to be judged, but for those beyond the grid's last point."""
-    octants = ((2 * blocks[:, None] + CORNERS) * (stride // 2) < grid.last).all(axis=2)
-    return Halved(blocks, bends.astype(np.float32), octants)
-
-
-def judged(grid: Grid, believed: Believed, asked: Halved, stride: int) -> tuple[Halved | None, Skipped]:
-    """The octants that a zero may lie in, themselves halved, or added to the grid's cells; and the skipped ones.
-
-    No zero is in an octant that a corner of the block rules out by the slope, or whose own corners, interpolated, are
-    all farther from 0 than the bend, and on one side.
+    Returns:
+        The bounds, and a mark for each coarse block where they may have changed.
     """
-    blocks, bends, octants = asked
-    values, coarse, half = grid.corner_values(blocks, stride), coarse_blocks(grid, blocks, stride), stride // 2
+    widened, broken = [], np.zeros(observed.slope.shape, dtype=bool)
+    for bound, found in zip(bounds, observed, strict=True):
+        broken |= found > bound
+        raised = maximum_filter(np.where(found > bound, SAFETY * found, 0), size=NEIGHBOURHOOD)
+        widened.append(np.maximum(bound, raised))
+    return Bounds(*widened), maximum_filter(broken, size=NEIGHBOURHOOD)
+
+
+def prune(grid: Grid, bounds: Bounds, pending: PendingBlocks, stride: int) -> tuple[PendingBlocks | None, PrunedBlocks]:
+    """Test octants for a zero; evaluate the corners of those that may hold one, and activate them if they are cells.
+
+    No zero is in an octant that a corner of its block rules out by the slope, or whose own corners, interpolated, are
+    all farther from 0 than the interpolation error, and on one side.
+
+    Returns:
+        The octants that may hold a zero, as blocks of half the stride; None if they are cells; and the pruned ones.
+    """
+    blocks, interpolation_error, octants = pending
+    values, coarse, half = grid.corner_values(blocks, stride), coarse_index(grid, blocks, stride), stride // 2
     allowed = (np.abs(values)[:, None] / REACH).max(axis=2) / np.float32(stride * grid.spacing)
-    sloped = allowed > believed.slopes[coarse][:, None]
-    interpolated = _between_corners(values, np.minimum(half / extents(grid, blocks, stride), 1).astype(np.float32))
+    by_slope = allowed > bounds.slope[coarse][:, None]
+    interpolated = _interpolate(values, np.minimum(half / extents(grid, blocks, stride), 1).astype(np.float32))
     least, most = _over_octants(np.minimum, interpolated), _over_octants(np.maximum, interpolated)
-    bent = ~sloped & (np.maximum(least, -most) > (believed.bends[coarse] * bends)[:, None])
-    reached, outside = octants & ~(sloped | bent), octants & (sloped | bent)
-    skipped = rows(Skipped(blocks, bends, outside, outside & bent), outside.any(axis=1))
+    largest_error = (bounds.error_ratio[coarse] * interpolation_error)[:, None]
+    by_interpolation = ~by_slope & (np.maximum(least, -most) > largest_error)
+    reached, outside = octants & ~(by_slope | by_interpolation), octants & (by_slope | by_interpolation)
+    pruned = PrunedBlocks(blocks, interpolation_error, outside, outside & by_interpolation)
+    pruned = select(pruned, outside.any(axis=1))
     halves = (2 * blocks[:, None] + CORNERS)[reached]
     points = np.minimum((halves[:, None] + CORNERS) * half, grid.last)
     found = grid.evaluate(points.reshape(-1, 3)).reshape(-1, len(CORNERS))
     if half == 1:
-        grid.add_cells(halves)
-        return None, skipped
-    away = np.abs(found - interpolated.reshape(-1, 27)[:, OF_OCTANT][reached]).max(axis=1)
-    return halved(grid, halves, np.maximum(away, ROUNDING), half), skipped
+        grid.activate(halves)
+        return None, pruned
+    errors = np.abs(found - interpolated.reshape(-1, 27)[:, CORNERS_OF_OCTANTS][reached]).max(axis=1)
+    return queue_octants(grid, halves, np.maximum(errors, ROUNDING), half), pruned
 
 
-def coarse_blocks(grid: Grid, blocks: Blocks, stride: int) -> tuple[Int[ndarray, " n"], ...]:
-    """Index of the coarse block around each."""
-    return tuple((blocks * stride // grid.stride).T)
-
-
-def extents(grid: Grid, blocks: Blocks, stride: int) -> Int[ndarray, "n 3"]:
-    """Cells along the edges of each block: the stride, but at the grid's end."""
-    return np.minimum((blocks + 1) * stride, grid.last) - blocks * stride
-
-
-def rows(table: Table, chosen: Bool[ndarray, " n"] | slice) -> Table:
-    """Some of the blocks."""
-    return type(table)(*(column[chosen] for column in table))
-
-
-def _between_corners(values: Float[ndarray, "n 8"], middles: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3 3"]:
-    """Trilinear interpolation of a block's corners at its 27 points, the middle ones so far along each axis."""
+def _interpolate(values: Float[ndarray, "n 8"], middles: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3 3"]:
+    """Trilinear interpolation of a block's corners at its 27 points, the middle ones at a fraction of each edge."""
     cube = values.reshape(-1, 2, 2, 2)
     for axis in range(3):
         low, high = cube.take(0, axis=axis + 1), cube.take(1, axis=axis + 1)
@@ -148,7 +114,7 @@ def _between_corners(values: Float[ndarray, "n 8"], middles: Float[ndarray, "n 3
 
 
 def _over_octants(extreme: np.ufunc, cube: Float[ndarray, "n 3 3 3"]) -> Float[ndarray, "n 8"]:
-    """The least or the most of the values at each octant's corners."""
+    """Least or largest value at each octant's corners."""
     cube = extreme(cube[:, :-1], cube[:, 1:])
     cube = extreme(cube[:, :, :-1], cube[:, :, 1:])
     return np.asarray(extreme(cube[..., :-1], cube[..., 1:]).reshape(-1, 8))

@@ -16,10 +16,10 @@ from jointsdf.values import BOX, LabelledMesh
 
 LADDER = (256, 384, 512, 768, 1024)  # resolutions to choose from
 FINEST = LADDER[-1]
-CELLS = 2  # cells that a wall needs across it
-MOST_POINTS = 30_000_000  # evaluated on the next grid, two minutes of two cores: a field with more to see is noise
+CELLS = 2  # needed across a wall
+MOST_POINTS = 30_000_000  # evaluated on the next grid, two minutes on two cores: a field that needs more is noise
 FEWEST_CLOSE = 8  # faces within a cell of another one: fewer are slivers of marching cubes
-FACING = -0.5  # largest cosine between the normals of two faces that look at each other
+FACING = -0.5  # largest cosine between the normals of two faces that face each other
 LIFT = 4e-6  # of a ray's origin off its face, network length units
 
 log = logging.getLogger(__name__)
@@ -31,10 +31,16 @@ def cell_size(resolution: int) -> float:
 
 
 def resolution_for(wall: float) -> int:
-    """The coarsest grid of the ladder with `CELLS` cells across a wall; the finest where none has them.
+    """Coarsest grid of the ladder with `CELLS` cells across a wall; the finest where none has them.
 
     Args:
         wall: Thickness, network length units.
+
+    Returns:
+        Points along each axis.
+
+    >>> resolution_for(0.02), resolution_for(0.001)
+    (256, 1024)
     """
     return next((resolution for resolution in LADDER if wall >= CELLS * cell_size(resolution)), FINEST)
 
@@ -61,12 +67,12 @@ def thin_wall_warning(wall: float, resolution: int, scale: float) -> str | None:
 def refine_until_stable(extraction: Extraction, sdf: Sdf, ladder: Sequence[int] = LADDER) -> tuple[Extraction, Surface]:
     """Refine the grid until the number of components and the Euler characteristic stop changing.
 
-    A grid can open a wall or bridge a gap thinner than about one of its cells, so a surface without such a place is
-    taken as it is. Others are compared with the next finer grid's. Where the finest grid has such places too, or the
-    next takes too long, a warning says so and the surface is taken.
+    A grid can open a wall or bridge a gap thinner than about one of its cells, so a surface without such places is
+    returned as it is. Others are compared with the next finer grid's. Where the finest grid has such places too, or
+    the next takes too long, a warning is logged and the surface is returned.
 
     Args:
-        extraction: The coarsest grid to take.
+        extraction: The coarsest grid.
         sdf: float32 points of the network frame -> signed distance, negative inside.
         ladder: Resolutions, ascending.
 
@@ -91,7 +97,7 @@ def refine_until_stable(extraction: Extraction, sdf: Sdf, ladder: Sequence[int] 
 
 
 def count_close_faces(surface: Surface, resolution: int) -> int:
-    """Number of faces that look at another, through a wall or across a gap, from nearer than a cell of the grid."""
+    """Number of faces that face another, through a wall or across a gap, at less than a cell of the grid."""
     normals = face_normals(surface.vertices, surface.faces)
     corners = surface.vertices[surface.faces]
     centres, cell = corners.mean(axis=1), cell_size(resolution)

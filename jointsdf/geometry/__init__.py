@@ -1,1 +1,1 @@
-"""Triangle meshes: normals and areas, rays, the graph of their faces, exact distances, topology."""
+"""Triangle meshes: areas and normals, sampling, rays, the graph of their faces, exact distances, topology, PLY."""

@@ -1,4 +1,4 @@
-"""Results of functions of meshes, computed once for as long as the meshes live."""
+"""Cache of functions of meshes, which lasts as long as the meshes live."""
 
 import weakref
 from collections.abc import Callable
@@ -12,26 +12,26 @@ Result = TypeVar("Result")
 def cached_by_identity(function: Callable[..., Result]) -> Callable[..., Result]:
     """Cache a function by the identity of its arguments, which arrays make unhashable, until one of them is collected.
 
-    Threads that ask for the same result at once compute it once.
+    Threads that ask for the same result at once compute it once. An exception is cached too.
 
     Args:
-        function: Of objects that can be weakly referenced, e.g. meshes or sample sets.
+        function: Of positional arguments that can be weakly referenced, e.g. meshes or sample sets.
     """
-    known: dict[tuple[int, ...], Future[Result]] = {}
-    looking = Lock()
+    results: dict[tuple[int, ...], Future[Result]] = {}
+    lock = Lock()
 
-    def answer(*arguments: object) -> Result:
+    def cached(*arguments: object) -> Result:
         key = tuple(map(id, arguments))
-        with looking:
-            first = key not in known
-            future = known.setdefault(key, Future())
+        with lock:
+            first = key not in results
+            future = results.setdefault(key, Future())
         if first:
             for argument in arguments:
-                weakref.finalize(argument, known.pop, key, None)
+                weakref.finalize(argument, results.pop, key, None)
             try:
                 future.set_result(function(*arguments))
             except BaseException as error:
                 future.set_exception(error)
         return future.result()
 
-    return answer
+    return cached

@@ -1,8 +1,10 @@
 """Closest points and exact signed distance of a triangle mesh, by libigl.
 
-The sign of a watertight mesh is that of the angle-weighted pseudonormal, exact where the mesh does not fold over
-itself. A fold turns the sign of all the space that it is nearest to, so points that nothing separates agree on theirs.
-The sign of any other mesh is that of the generalised winding number: right away from the holes, a guess near them.
+The sign of a watertight mesh comes from the angle-weighted pseudonormal (Baerentzen and Aanaes, "Signed distance
+computation using the angle weighted pseudonormal", TVCG 2005), exact where the mesh does not fold over itself. A fold
+turns the sign of all the space that it is nearest to, so points that no surface separates vote on theirs. The sign of
+any other mesh comes from the fast winding number (Barill et al., SIGGRAPH 2018): right away from the holes, a guess
+near them.
 """
 
 from dataclasses import replace
@@ -19,16 +21,16 @@ from jointsdf.values import LabelledMesh, Normalisation, Shape
 # Distances from which signs are put to the vote, of the longest side; from the second where the first found a fold.
 VOTING = (0.01, 0.0003)
 NEIGHBOURS = 6  # of a point, itself included, in the vote
-PIECES = 100_000  # of the faces of a mesh at most, unless it has more faces, cut for the search tree
-LONG = 1 / 8  # edge above which a face is cut, of the longest side
-BINS = np.uint16(40)  # along each axis, their cube within 16 bits; points of one meet the same branches of a tree
+PIECES = 100_000  # faces of the search tree at most, unless the mesh itself has more
+LONG = 1 / 8  # edge above which a face is split, of the longest side
+BINS = np.uint16(40)  # along each axis, their cube within 16 bits; points of one visit the same branches of a tree
+INSIDE = 0.5  # winding number above which a point is inside
 
 
 class ClosestPoint:
     """The closest point of a mesh, its search tree built once.
 
-    The tree's boxes about long faces overlap, and a search goes through all that hold its point: it is built on pieces
-    of them.
+    Boxes of long faces overlap, and a search visits all that hold its point, so the tree holds pieces of such faces.
 
     Args:
         mesh: The surface, at least one face. Points and distances are in its frame and unit.
@@ -41,14 +43,14 @@ class ClosestPoint:
         longest = LONG * float(np.ptp(self.vertices, axis=0).max())
         self._pieces, self._whole = (self.vertices, self.faces), np.arange(len(self.faces))
         if igl.edge_lengths(self.vertices, self.faces).max() > longest:
-            corners, self._whole = cut(self.vertices[self.faces], longest)
+            corners, self._whole = split_long_faces(self.vertices[self.faces], longest)
             self._pieces = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
         self._tree = igl.AABB()
         self._tree.init(*self._pieces)
 
     def query(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Int[ndarray, " n"]]:
         """Distance to the closest point of the surface, and the face that holds it."""
-        order = in_space_order(points)
+        order = spatial_order(points)
         squared, closest, _ = self._tree.squared_distance(*self._pieces, _ordered(points, order))
         distances, faces = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
         distances[order], faces[order] = np.sqrt(squared), self._whole[closest]
@@ -60,7 +62,7 @@ class ExactDistance:
 
     Args:
         mesh: The surface. Faces counter-clockwise seen from outside, no degenerate face, at least one.
-        watertight: Whether every edge has exactly two faces; chooses where the sign comes from.
+        watertight: Whether every edge has exactly two faces: pseudonormal, else winding number.
     """
 
     def __init__(self, mesh: LabelledMesh, *, watertight: bool) -> None:
@@ -71,7 +73,7 @@ class ExactDistance:
         """Distance to the closest point of the surface, negative inside.
 
         Args:
-            points: Where, in the frame of the mesh's vertices.
+            points: In the frame of the mesh's vertices.
         """
         return self._pseudonormal(points) if self.watertight else self._winding(points)
 
@@ -79,20 +81,20 @@ class ExactDistance:
         """Index of the face that holds the closest point of the surface.
 
         Args:
-            points: Where, in the frame of the mesh's vertices.
+            points: In the frame of the mesh's vertices.
         """
         return self.closest.query(points)[1]
 
     def _pseudonormal(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         sign = igl.SignedDistanceType.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
-        order = in_space_order(points)
+        order = spatial_order(points)
         distances = np.zeros(len(points))
         if len(points):
             asked = _ordered(points, order)
             distances[order] = igl.signed_distance(asked, self.closest.vertices, self.closest.faces, sign)[0]
         for share in VOTING:
             far = np.flatnonzero(np.abs(distances) > share * np.ptp(self.closest.vertices, axis=0).max())
-            found = agreed(points[far], distances[far])
+            found = vote_on_signs(points[far], distances[far])
             if np.array_equal(found, distances[far]):
                 break
             distances[far] = found
@@ -102,11 +104,11 @@ class ExactDistance:
         # libigl's own fast-winding distance scales the value by 1 - 2w, and w is approximate: only its sign is used.
         distances, _ = self.closest.query(points)
         winding = igl.fast_winding_number(self.closest.vertices, self.closest.faces, _ordered(points, slice(None)))
-        return np.where(winding > 0.5, -1.0, 1.0) * distances
+        return np.where(winding > INSIDE, -1.0, 1.0) * distances
 
 
 def network_distance(shape: Shape, normalisation: Normalisation) -> ExactDistance:
-    """The exact signed distance of a shape, asked and answered in the network frame.
+    """Exact signed distance of a shape in the network frame.
 
     Args:
         shape: Ground truth, file frame.
@@ -116,8 +118,8 @@ def network_distance(shape: Shape, normalisation: Normalisation) -> ExactDistanc
     return ExactDistance(replace(shape.mesh, vertices=vertices), watertight=shape.watertight)
 
 
-def agreed(points: Float[ndarray, "n 3"], distances: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
-    """The distances with the sign of most of the points that no surface separates from each.
+def vote_on_signs(points: Float[ndarray, "n 3"], distances: Float[ndarray, " n"]) -> Float[ndarray, " n"]:
+    """Give each distance the sign of most of the points that no surface separates from its own.
 
     The ball of a point's distance about it holds no surface, so neighbours within it are on the same side.
     """
@@ -131,8 +133,18 @@ def agreed(points: Float[ndarray, "n 3"], distances: Float[ndarray, " n"]) -> Fl
     return np.where(votes == 0, distances, np.copysign(distances, votes))
 
 
-def cut(corners: Float[ndarray, "f 3 3"], longest: float) -> tuple[Float[ndarray, "p 3 3"], Int[ndarray, " p"]]:
-    """Faces halved across their longest edge until none is longer, or there are `PIECES`, and the face of each."""
+def split_long_faces(
+    corners: Float[ndarray, "f 3 3"], longest: float
+) -> tuple[Float[ndarray, "p 3 3"], Int[ndarray, " p"]]:
+    """Longest-edge bisection of faces until no edge is longer, or there are `PIECES`.
+
+    Args:
+        corners: Of the faces, any frame.
+        longest: Longest edge, same unit.
+
+    Returns:
+        The pieces, and the face of each.
+    """
     whole = np.arange(len(corners))
     while True:
         lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
@@ -146,8 +158,8 @@ def cut(corners: Float[ndarray, "f 3 3"], longest: float) -> tuple[Float[ndarray
         whole = np.concatenate([whole[~long], whole[long], whole[long]])
 
 
-def in_space_order(points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
-    """The order of the points by bins of space, so that one is asked near the one before it."""
+def spatial_order(points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
+    """Sort points by the bins of a grid, so that each query is near the one before it."""
     if len(points) == 0:
         return np.arange(0)
     low, high = points.min(axis=0), points.max(axis=0)

@@ -1,4 +1,4 @@
-"""Which faces of a mesh share an edge, and the smooth regions that they form between creases."""
+"""Dual graph of a mesh (faces that share an edge), and the smooth regions between its creases."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ CREASE = np.radians(32.0)  # a cylinder of twelve segments (30 degrees) stays on
 
 @dataclass(frozen=True)
 class FaceGraph:
-    """Which faces share an edge; where more than two do, those that walk it in opposite directions.
+    """Pairs of faces that share an edge; where more than two do, those that traverse it in opposite directions.
 
     Attributes:
         pairs: The two faces.
@@ -30,10 +30,14 @@ class FaceGraph:
 
 
 def face_graph(mesh: LabelledMesh) -> FaceGraph:
-    """The faces that share an edge, whatever the number of faces at an edge and their winding."""
+    """Find the faces that share an edge, with its dihedral angle, on any mesh: open, non-manifold, of any winding.
+
+    Args:
+        mesh: Any frame, no degenerate face.
+    """
     ends = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     opposite = mesh.faces[:, [2, 0, 1]].reshape(-1)
-    first, second = _sharing_an_edge(ends, len(mesh.vertices))
+    first, second = _pair_sides(ends, len(mesh.vertices))
     corners = mesh.vertices[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -49,7 +53,7 @@ def face_graph(mesh: LabelledMesh) -> FaceGraph:
 
 
 def smooth_regions(graph: FaceGraph, patches: Int[ndarray, " f"] | None) -> Int[ndarray, " f"]:
-    """Region of each face: connected faces of one patch; where no patch is known, faces without a crease between.
+    """Region of each face: connected faces of one patch; where no patch is known, of dihedral angles below `CREASE`.
 
     Args:
         graph: Of the mesh.
@@ -61,8 +65,8 @@ def smooth_regions(graph: FaceGraph, patches: Int[ndarray, " f"] | None) -> Int[
     return components(graph.pairs[joined], graph.num_faces)
 
 
-def _sharing_an_edge(ends: Int[ndarray, "h 2"], num_vertices: int) -> tuple[Int[ndarray, " p"], Int[ndarray, " p"]]:
-    """Pairs of sides of faces that are one edge, in opposite directions unless there are only these two."""
+def _pair_sides(ends: Int[ndarray, "h 2"], num_vertices: int) -> tuple[Int[ndarray, " p"], Int[ndarray, " p"]]:
+    """Pair the sides of faces that are one edge, in opposite directions unless there are only these two."""
     edge = ends.min(axis=1) * num_vertices + ends.max(axis=1)
     order = np.argsort(edge, kind="stable")
     _, number, uses = np.unique(edge, return_inverse=True, return_counts=True)

@@ -1,7 +1,7 @@
 """Triangle meshes as binary PLY files (G. Turk, 1994), with a column per face.
 
-Written by numpy: plyfile writes faces one by one, 11 s for the 300,000 of a fine grid, and trimesh writes vertices in
-single precision only. Files are read by trimesh.
+numpy writes them: plyfile writes faces one by one, 11 s for the 300,000 of a fine grid, and trimesh writes vertices in
+single precision only. trimesh reads them.
 """
 
 from collections.abc import Mapping
@@ -23,6 +23,10 @@ def binary_ply(
         faces: Vertex indices below 2^31.
         columns: Further properties of each face, uint8 or int32, by name.
         comment: One line of the header.
+
+    >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    >>> binary_ply(corners, np.array([[0, 1, 2]]), {}, "a triangle").splitlines()[2:5]
+    [b'comment a triangle', b'element vertex 3', b'property double x']
     """
     kinds = {name: column.dtype.str.lstrip("<|") for name, column in columns.items()}
     rows = [("count", "u1"), ("vertices", "<i4", 3), *((name, f"<{kind}") for name, kind in kinds.items())]

@@ -1,4 +1,4 @@
-"""First hits of rays with a triangle mesh, by Embree."""
+"""First hits of rays with a triangle mesh, by Embree (Wald et al., "Embree", ACM TOG 2014)."""
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
@@ -10,19 +10,23 @@ from numpy import ndarray
 def ray_lengths(
     corners: Float[ndarray, "f 3 3"], origins: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]
 ) -> Float[ndarray, " n"]:
-    """How far rays go until they meet a face; infinite where they meet none. The arguments are those of `ray_hits`."""
+    """Length of each ray up to its first hit, infinite where it has none; the arguments are those of `ray_hits`."""
     return ray_hits(corners, origins, directions)[0]
 
 
 def ray_hits(
     corners: Float[ndarray, "f 3 3"], origins: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]
 ) -> tuple[Float[ndarray, " n"], Int[ndarray, " n"]]:
-    """How far rays go until they meet a face, and which: infinite and -1 where they meet none.
+    """Length of each ray up to its first hit and the face hit; infinite and -1 where there is none.
 
     Args:
         corners: Of the faces, in a frame where the mesh is at most about 1 across: the rays are cast in float32.
-        origins: Where the rays start, same frame.
+        origins: Starts of the rays, same frame.
         directions: Unit vectors.
+
+    >>> triangle = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
+    >>> ray_hits(triangle, np.array([[0.25, 0.25, 2.0], [9, 9, 2]]), np.array([[0.0, 0, -1], [0, 0, -1]]))
+    (array([ 2., inf]), array([ 0, -1]))
     """
     scene = EmbreeScene()
     TriangleMesh(scene, corners.astype(np.float32))

@@ -18,6 +18,9 @@ def components(pairs: Int[ndarray, "p 2"], count: int) -> Int[ndarray, " n"]:
     Args:
         pairs: The two nodes of each edge.
         count: Number of nodes.
+
+    >>> components(np.array([[4, 1], [0, 2]]), 5)
+    array([0, 1, 0, 2, 1])
     """
     edges = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     _, found = connected_components(edges, directed=False)
@@ -27,7 +30,7 @@ def components(pairs: Int[ndarray, "p 2"], count: int) -> Int[ndarray, " n"]:
 
 
 def face_components(faces: Int[ndarray, "f 3"]) -> Int[ndarray, " f"]:
-    """Connected component of each face, where faces that share a vertex hang together; numbered from 0."""
+    """Connected component of each face, numbered from 0; faces that share a vertex are connected."""
     if len(faces) == 0:
         return np.zeros(0, dtype=np.int64)
     corners = np.unique(faces, return_inverse=True)[1]  # libigl counts a vertex without a face as a component
@@ -36,15 +39,15 @@ def face_components(faces: Int[ndarray, "f 3"]) -> Int[ndarray, " f"]:
 
 
 def count_components(faces: Int[ndarray, "f 3"]) -> int:
-    """Number of pieces that share no vertex."""
+    """Number of connected components; faces that share a vertex are connected."""
     return int(face_components(faces).max(initial=-1)) + 1
 
 
 @cached_by_identity
 def topology(mesh: LabelledMesh) -> dict[str, float]:
-    """`components`, `euler` (vertices - edges + faces) and signed `volume` of one mesh; all 0 without faces.
+    """Number of `components`, `euler` characteristic and signed `volume` of one mesh; all 0 without faces.
 
-    Vertices that no face uses do not count.
+    euler = vertices - edges + faces. Vertices that no face uses do not count.
 
     Args:
         mesh: Any frame; the volume is in its unit cubed, positive where faces are counter-clockwise from outside.
@@ -62,6 +65,6 @@ def topology(mesh: LabelledMesh) -> dict[str, float]:
 
 
 def signed_volume(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> float:
-    """Volume within closed faces, positive where they are counter-clockwise from outside, by the divergence theorem."""
+    """Volume that closed faces enclose, by the divergence theorem; positive where they wind outward."""
     a, b, c = (vertices - vertices.mean(axis=0))[faces.T]
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)

@@ -1,6 +1,7 @@
-"""Loss terms: each is a frozen dataclass that says what it `needs` and maps one `Step` to a scalar.
+"""Loss terms: frozen dataclasses that map one `Step` to a scalar, one file per term.
 
-`needs` names, for each point set of the step, what must be evaluated there: `sdf`, `grad`, `logits`, or a `Mixed`.
+`needs` names, for each point set of the step, the values to evaluate there: `sdf`, `grad`, `logits`, or a `Mixed`.
+A term with the class attribute `zero_on_exact_distance = True` is zero where f is an exact signed distance.
 """
 
 from collections.abc import Mapping
@@ -15,7 +16,7 @@ from jointsdf.values import Step
 
 @dataclass(frozen=True)
 class Mixed:
-    """How to compute the mixed second derivative u^T H v.
+    """Mixed second derivative u^T H v, and its method.
 
     Attributes:
         derivative: `exact` (closed form) or `finite_difference` (symmetric four-point stencil).
@@ -31,11 +32,11 @@ Needs = Mapping[str, frozenset[str | Mixed]]
 
 @runtime_checkable
 class Term(Protocol):
-    """What every loss term is."""
+    """Protocol of every loss term."""
 
     @property
     def needs(self) -> Needs:
-        """What must be evaluated, per point set."""
+        """Values to evaluate, per point set."""
         ...
 
     def __call__(self, step: Step) -> Float[Tensor, ""]:

@@ -1,4 +1,4 @@
-"""Segmentation loss."""
+"""Cross-entropy of the part logits (segmentation loss)."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,7 @@
-"""Manifold (Dirichlet) loss."""
+"""Manifold (Dirichlet) loss: mean |f| on the surface."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from jaxtyping import Float
 from torch import Tensor
@@ -11,7 +12,9 @@ from jointsdf.values import Step
 
 @dataclass(frozen=True)
 class Dirichlet:
-    """Pulls the surface to the zero level set: mean over manifold of |f| (paper, L_DM)."""
+    """Mean over manifold of |f| (paper, L_DM), which pulls the zero level set to the surface."""
+
+    zero_on_exact_distance: ClassVar[bool] = True
 
     @property
     def needs(self) -> Needs:

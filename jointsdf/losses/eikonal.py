@@ -1,8 +1,8 @@
-"""Eikonal loss: a distance's gradient has length one."""
+"""Eikonal loss: deviation of the gradient's length from one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import torch
 from jaxtyping import Float
@@ -17,7 +17,7 @@ POINT_SETS = ("manifold", "non_manifold", "shell", "pool")
 
 @dataclass(frozen=True)
 class Eikonal:
-    """Unit gradient, in either published form (paper, L_EIK).
+    """Deviation from a unit gradient, in either published form (paper, L_EIK).
 
         squared   mean of (|grad f|^2 - 1)^2      the paper
         abs       mean of | |grad f| - 1 |        the released FlatCAD code
@@ -29,6 +29,7 @@ class Eikonal:
 
     form: Literal["squared", "abs"] = "abs"
     on: Sequence[str] = ("manifold", "shell")
+    zero_on_exact_distance: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the two choices.

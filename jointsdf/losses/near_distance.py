@@ -1,6 +1,7 @@
-"""Signed distances that count the more the nearer the surface, and the right side everywhere."""
+"""Signed-distance regression, weighted towards the surface, with a hinge on the sign everywhere."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float
@@ -15,17 +16,17 @@ from jointsdf.values import Step
 class NearDistance:
     """Mean over the pool of  band / (|d| + band) |f - d|  +  side max(0, min(|d|, clear) / 2 - sign(d) f).
 
-    d is the known signed distance. The first part spends the network on the surface's own detail: an error counts half
-    as much at a distance of `band`. The second leaves no sheet far from the surface, where the first is weak.
+    d is the known signed distance. The first part favours detail at the surface: an error counts half as much at a
+    distance of `band`. The second removes sheets far from the surface, where the first is weak.
 
     Args:
         band: Network length units.
-        side: What a value on the wrong side counts beside an error at the surface.
+        side: Weight of a value on the wrong side, relative to an error at the surface.
         clear: Distance from the surface beyond which |f| must be at least half of this; network length units.
 
     Differs from:
-        Not in the paper, which has points only; see `SignedDistance`. DeepSDF clamps both values instead, and a sheet
-        far from the surface then has no gradient.
+        Not in the paper, which has points only; see `SignedDistance`. DeepSDF (Park et al. 2019) clamps both values
+        instead, and a sheet far from the surface then has no gradient.
 
     Raises:
         InputError: One of them is not above 0.
@@ -34,9 +35,10 @@ class NearDistance:
     band: float = 0.01
     side: float = 0.5
     clear: float = 0.1
+    zero_on_exact_distance: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        """Check what a user can set."""
+        """Check the ranges."""
         for name in ("band", "side", "clear"):
             if not getattr(self, name) > 0:
                 raise InputError(f"loss.terms.signed_distance.{name}={getattr(self, name)}: must be above 0")

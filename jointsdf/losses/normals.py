@@ -1,6 +1,7 @@
-"""Normals: the gradient of a signed distance at the surface."""
+"""Normals loss: deviation of the gradient at the surface from the known normals."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float
@@ -14,11 +15,14 @@ from jointsdf.values import Step
 class Normals:
     """Mean of |grad f - n| over the manifold points that have a unit normal n; 0 without any.
 
-    Direction and length in one: no eikonal term is needed on the same points beside it.
+    It covers direction and length: no eikonal term is needed on the same points.
 
     Differs from:
-        Not in the paper, which has points only. IGR (Gropp et al. 2020, eq. 4) has the same term.
+        Not in the paper, which has points only. IGR (Gropp et al., "Implicit geometric regularization for learning
+        shapes", 2020, eq. 4) has the same term.
     """
+
+    zero_on_exact_distance: ClassVar[bool] = True
 
     @property
     def needs(self) -> Needs:

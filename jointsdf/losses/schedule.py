@@ -1,4 +1,4 @@
-"""Schedules of a term's weight over the run."""
+"""Schedule of a term's weight over the run: constant, linear, quintic or stepwise between knots."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,6 +18,9 @@ class Schedule:
         form: `constant`: 1 throughout. From one knot to the next, `linear` interpolates, `quintic` falls fast and
             then slowly, by 1 - (1 - s)^5, and `step` takes the next knot's value as soon as the earlier one is passed.
         knots: (share of the steps, factor) pairs, ascending in the share; the first and last value hold outside.
+
+    >>> [Schedule("linear", [[0.2, 1.0], [0.6, 0.5]])(share) for share in (0.0, 0.4, 1.0)]
+    [1.0, 0.75, 0.5]
     """
 
     form: Literal["constant", "linear", "quintic", "step"] = "constant"
@@ -38,7 +41,7 @@ class Schedule:
             raise InputError(f"schedule.knots={listed}: shares must ascend")
 
     def __call__(self, share: float) -> float:
-        """The factor when this share of the steps (0..1) is done."""
+        """Factor after this share of the steps (0..1)."""
         if self.form == "constant":
             return 1.0
         if share <= self.knots[0][0]:

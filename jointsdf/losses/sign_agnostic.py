@@ -1,4 +1,4 @@
-"""Non-manifold (sign-agnostic) loss."""
+"""Non-manifold (sign-agnostic) loss: mean exp(-alpha |f|) off the surface."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from jointsdf.values import Step
 
 @dataclass(frozen=True)
 class SignAgnostic:
-    """Keeps the zero level set away from empty space: mean over non_manifold of exp(-alpha |f|) (paper, L_DNM).
+    """Mean over non_manifold of exp(-alpha |f|) (paper, L_DNM), which keeps the zero level set off empty space.
 
     Attributes:
         alpha: Decay per network length unit.

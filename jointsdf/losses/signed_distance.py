@@ -1,6 +1,7 @@
-"""Exact signed distances of the mesh, kept in the loss."""
+"""Signed-distance regression: mean |f - d| to the exact distance of the mesh."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from jaxtyping import Float
 from torch import Tensor
@@ -14,8 +15,10 @@ class SignedDistance:
     """Mean over pool of |f - d|, d the exact signed distance to the mesh.
 
     Differs from:
-        Not in the paper, which has points only. A CAD user has the mesh, and this term is what keeps thin walls.
+        Not in the paper, which has points only. A CAD user has the mesh, and this term preserves thin walls.
     """
+
+    zero_on_exact_distance: ClassVar[bool] = True
 
     @property
     def needs(self) -> Needs:

@@ -10,6 +10,8 @@ from jointsdf.errors import InputError
 from jointsdf.losses import Mixed, Needs
 from jointsdf.values import Step
 
+SHORTEST = 1e-12  # of a gradient that is divided by
+
 
 @dataclass(frozen=True)
 class Weingarten:
@@ -33,7 +35,7 @@ class Weingarten:
     spacing: float = 0.05
 
     def __post_init__(self) -> None:
-        """Check the derivative's name.
+        """Check derivative and spacing.
 
         Raises:
             InputError: Neither exact nor finite_difference, or a spacing that is not positive.
@@ -55,5 +57,5 @@ class Weingarten:
         assert shell.grad is not None
         sizes = shell.mixed.abs()
         if self.normalised:
-            sizes = sizes / shell.grad.norm(dim=-1).clamp_min(1e-12)
+            sizes = sizes / shell.grad.norm(dim=-1).clamp_min(SHORTEST)
         return sizes.mean()

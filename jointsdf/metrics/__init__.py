@@ -1,8 +1,8 @@
-"""Measures of a reconstruction: one file per family, and here what several families share.
+"""Metrics of a reconstruction, one file per family; here the protocol, shared searches and label counts.
 
 A metric is a frozen dataclass whose call takes the samples of two surfaces in one frame and returns columns of the
-result row. It never moves geometry. Searches between two sample sets run once, whichever metrics ask for them, and what
-is known of a mesh serves its samples in every frame.
+result row. It never moves geometry. Searches between two sample sets are cached, so that several metrics share them;
+search trees of a mesh serve its samples in every frame.
 """
 
 import math
@@ -13,16 +13,16 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from jointsdf.geometry.caching import cached_by_identity
-from jointsdf.geometry.distance import ClosestPoint, in_space_order
+from jointsdf.geometry.distance import ClosestPoint, spatial_order
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
 
 @runtime_checkable
 class Metric(Protocol):
-    """What evaluation calls. Keys are CSV columns; a part that the ground truth lacks has no key.
+    """Protocol of a metric. Keys are CSV columns; a part that the ground truth lacks has no key.
 
-    Two optional class attributes, tuples of keys, ask for companions: `floors` for `<key>_floor` (the ground truth
-    against itself, sampled twice) and `ceilings` for `<key>_ceiling` (the best mesh the extraction grid can give).
+    Two optional class attributes, tuples of keys, request reference scores: `floors` for `<key>_floor` (the ground
+    truth against itself, sampled twice) and `ceilings` for `<key>_ceiling` (the best mesh that the grid can give).
     """
 
     def __call__(self, predicted: SurfaceSamples, truth: SurfaceSamples) -> dict[str, float]:
@@ -60,12 +60,12 @@ class Projection(NamedTuple):
 
 @cached_by_identity
 def match(predicted: SurfaceSamples, truth: SurfaceSamples) -> Matching:
-    """Nearest neighbours of two non-empty sample sets in each other, exact."""
+    """Exact nearest neighbours of two non-empty sample sets in each other, by k-d trees; cached."""
     return Matching(*_nearest(predicted.points, truth), *_nearest(truth.points, predicted))
 
 
 def _nearest(points: Float[ndarray, "n 3"], among: SurfaceSamples) -> tuple[Float[ndarray, " n"], Int[ndarray, " n"]]:
-    order = in_space_order(points)
+    order = spatial_order(points)
     distances, nearest = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
     distances[order], nearest[order] = among.tree.query(points[order], workers=-1)
     return distances, nearest
@@ -73,19 +73,19 @@ def _nearest(points: Float[ndarray, "n 3"], among: SurfaceSamples) -> tuple[Floa
 
 @cached_by_identity
 def closest_point(mesh: LabelledMesh) -> ClosestPoint:
-    """Closest points on a mesh."""
+    """Closest-point search on a mesh; cached."""
     return ClosestPoint(mesh)
 
 
 @cached_by_identity
 def project(samples: SurfaceSamples, onto: SurfaceSamples) -> Projection:
-    """Closest point of the mesh under `onto` for every one of `samples`, exact; both in one frame."""
+    """Exact closest point on the mesh of `onto` for each of `samples`, both in one frame; cached."""
     distances, faces = closest_point(onto.mesh).query(onto.frame.inverse(samples.points))
     return Projection(distances / onto.frame.scale, faces)
 
 
-def unscored(predicted: SurfaceSamples, truth: SurfaceSamples) -> float | None:
-    """The value of every label score where labels cannot be compared; None where they can.
+def score_without_labels(predicted: SurfaceSamples, truth: SurfaceSamples) -> float | None:
+    """Value of every label score where labels cannot be compared; None where they can.
 
     Returns:
         NaN if either mesh has no label at all; 0 if there is no predicted sample but the truth has labels.
@@ -97,15 +97,19 @@ def unscored(predicted: SurfaceSamples, truth: SurfaceSamples) -> float | None:
     return math.nan if len(predicted.mesh.part_ids) == 0 else None
 
 
-def confusion(
+def confusion_matrix(
     true: Int[ndarray, " n"], predicted: Int[ndarray, " n"], part_ids: Int[ndarray, " k"]
 ) -> Int[ndarray, "k k+1"]:
-    """Count pairs of labels: row = true part, column = predicted part, last column = any other label.
+    """Confusion matrix: row = true part, column = predicted part, last column = any other label.
 
     Args:
         true: True label of each sample. Samples whose label is not in `part_ids` (-1: unlabelled) do not count.
         predicted: Predicted label of each sample.
         part_ids: The parts of the ground truth, ascending.
+
+    >>> confusion_matrix(np.array([2, 2, 5, -1]), np.array([2, 5, 9, 2]), np.array([2, 5]))
+    array([[1, 1, 0],
+           [0, 0, 1]])
     """
     parts = len(part_ids)
     counted = np.isin(true, part_ids)
@@ -117,11 +121,14 @@ def confusion(
 
 
 def label_scores(counts: Int[ndarray, "k k+1"]) -> tuple[Float[ndarray, " k"], float]:
-    """IoU of each true part and the share of right labels, from one confusion matrix.
+    """IoU of each true part and the accuracy, from one confusion matrix.
 
     Returns:
         TP / (TP + FP + FN) per part, 0 for a part that no sample has on either side; and sum TP / number of samples,
         NaN without samples.
+
+    >>> label_scores(np.array([[3, 1, 0], [0, 4, 0]]))
+    (array([0.75, 0.8 ]), 0.875)
     """
     right = np.diagonal(counts)
     union = counts.sum(axis=1) + counts[:, :-1].sum(axis=0) - right

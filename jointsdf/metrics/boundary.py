@@ -1,4 +1,4 @@
-"""Position of the borders between parts."""
+"""Boundary F1: position of the borders between parts."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,17 +10,17 @@ from scipy.spatial import KDTree
 
 from jointsdf.geometry.caching import cached_by_identity
 from jointsdf.geometry.mesh import border_edges
-from jointsdf.metrics import unscored
+from jointsdf.metrics import score_without_labels
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
 
 @dataclass(frozen=True)
 class Boundary:
-    """F1 of the borders between parts, as points along them: `boundary_f1`.
+    """F1 of points along the borders between parts, at a distance tolerance: `boundary_f1`.
 
     Precision is the share of the predicted border's length within the tolerance of the true border, recall the
     reverse. 1 where neither mesh has a border, 0 where only one has, and for an empty prediction; NaN where either
-    mesh has no labels. A border with unlabelled faces is none. Neighbouring faces must share vertex indices.
+    mesh has no labels. Edges next to unlabelled faces are no border. Neighbouring faces must share vertex indices.
 
     Args:
         spacing: Largest distance between points along an edge, in the frame of the meshes.
@@ -33,7 +33,7 @@ class Boundary:
 
     def __call__(self, predicted: SurfaceSamples, truth: SurfaceSamples) -> dict[str, float]:
         """Score the prediction; see the class."""
-        default = unscored(predicted, truth)
+        default = score_without_labels(predicted, truth)
         if default is not None:
             return {"boundary_f1": default}
         found, wanted = self._points(predicted), self._points(truth)
@@ -62,9 +62,9 @@ def _border(mesh: LabelledMesh) -> Int[ndarray, "e 2"]:
 def points_along(
     mesh: LabelledMesh, edges: Int[ndarray, "e 2"], spacing: float
 ) -> tuple[Float[ndarray, "n 3"], Float[ndarray, " n"]]:
-    """Points along edges, at the middles of equal pieces no longer than `spacing`, and the length of each one's piece.
+    """Midpoints of equal pieces of edges, none longer than `spacing`, with the pieces' lengths as weights.
 
-    The lengths are weights, so that many short edges count no more than one long edge in their place.
+    By the weights, many short edges count no more than one long edge in their place.
     """
     start, end = mesh.vertices[edges.T].astype(np.float64)
     lengths = np.linalg.norm(end - start, axis=1)

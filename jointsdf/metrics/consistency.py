@@ -1,4 +1,4 @@
-"""Smoothness of the predicted labels over the predicted surface."""
+"""Label consistency: smoothness of the predicted labels over the predicted surface."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial import KDTree
 
-from jointsdf.metrics import unscored
+from jointsdf.metrics import score_without_labels
 from jointsdf.values import UNLABELLED, SurfaceSamples
 
 
@@ -31,7 +31,7 @@ class Consistency:
 
     def __call__(self, predicted: SurfaceSamples, truth: SurfaceSamples) -> dict[str, float]:
         """Score the prediction; see the class."""
-        if unscored(predicted, truth) is not None:
+        if score_without_labels(predicted, truth) is not None:
             return {"consistency": math.nan}
         labelled = predicted.labels != UNLABELLED
         labels = predicted.labels[labelled]

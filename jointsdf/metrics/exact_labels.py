@@ -1,9 +1,9 @@
-"""Part labels of predicted samples against the true surface itself."""
+"""Segmentation scores against the closest true face, free of sampling noise in the truth."""
 
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jointsdf.metrics import confusion, label_scores, project, unscored
+from jointsdf.metrics import confusion_matrix, label_scores, project, score_without_labels
 from jointsdf.values import SurfaceSamples
 
 
@@ -19,9 +19,9 @@ class ExactLabels:
 
     def __call__(self, predicted: SurfaceSamples, truth: SurfaceSamples) -> dict[str, float]:
         """Score the prediction; see the class."""
-        default = unscored(predicted, truth)
+        default = score_without_labels(predicted, truth)
         if default is not None:
             return {"miou_exact": default, "acc_exact": default}
         true = truth.mesh.labels[project(predicted, truth).faces]
-        iou, acc = label_scores(confusion(true, predicted.labels, truth.mesh.part_ids))
+        iou, acc = label_scores(confusion_matrix(true, predicted.labels, truth.mesh.part_ids))
         return {"miou_exact": float(iou.mean()), "acc_exact": acc}

@@ -1,4 +1,4 @@
-"""Agreement of the normals of matched samples."""
+"""Normal consistency: agreement of the normals of nearest samples."""
 
 import math
 from dataclasses import dataclass

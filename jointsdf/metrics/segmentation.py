@@ -1,9 +1,9 @@
-"""Part labels of predicted samples against the labels of their nearest true samples."""
+"""Segmentation scores (mIoU, accuracy) against the labels of the nearest true samples."""
 
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jointsdf.metrics import confusion, label_scores, match, unscored
+from jointsdf.metrics import confusion_matrix, label_scores, match, score_without_labels
 from jointsdf.values import SurfaceSamples
 
 
@@ -23,10 +23,10 @@ class Segmentation:
         """Score the prediction; see the class."""
         part_ids = truth.mesh.part_ids
         parts = {"parts_pred": float(len(predicted.mesh.part_ids)), "parts_gt": float(len(part_ids))}
-        default = unscored(predicted, truth)
+        default = score_without_labels(predicted, truth)
         if default is not None:
             return {"miou": default, "acc": default} | {f"iou_{part}": default for part in part_ids} | parts
         carried = truth.labels[match(predicted, truth).nearest_truth]
-        iou, acc = label_scores(confusion(carried, predicted.labels, part_ids))
+        iou, acc = label_scores(confusion_matrix(carried, predicted.labels, part_ids))
         per_part = {f"iou_{part}": float(value) for part, value in zip(part_ids, iou, strict=True)}
         return {"miou": float(iou.mean()), "acc": acc} | per_part | parts

@@ -1,4 +1,4 @@
-"""Distances between two surfaces, free of the noise between two sample sets."""
+"""Distances of samples to the other surface itself, free of the noise between two sample sets."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Pieces, holes and volume of both meshes."""
+"""Components, Euler number and volume of both meshes."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ class Topology:
 
     A component is a set of faces connected through shared vertices. euler = vertices - edges + faces. The volume is
     signed (positive where faces are counter-clockwise from outside), in cubic units of the frame of the samples, and
-    means something on closed meshes only. All 0 for an empty mesh.
+    is meaningful on closed meshes only. All 0 for an empty mesh.
     """
 
     def __call__(self, predicted: SurfaceSamples, truth: SurfaceSamples) -> dict[str, float]:
@@ -21,5 +21,6 @@ class Topology:
 
 
 def _in_frame(samples: SurfaceSamples) -> dict[str, float]:
+    """Topology of the samples' mesh, the volume in the samples' frame."""
     found = topology(samples.mesh)
     return found | {"volume": found["volume"] / samples.frame.scale**3}

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, whatever happens to the process or the machine."""
+"""Atomic, durable file writes: a temporary file, flushed to the disk, then renamed over the old one."""
 
 import os
 from collections.abc import Iterator
@@ -8,12 +8,12 @@ from pathlib import Path
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path`, whose file takes its place, flushed to the disk, when the block ends well.
+    """Yield a temporary path in the folder of `path`; when the block succeeds, fsync its file and rename it to `path`.
 
     Readers see the old file or the new one, also after a power cut. If the block fails, the old file is untouched.
 
     Args:
-        path: The file to write; its folder is made where it is not there.
+        path: The file to write; its folder is created where missing.
 
     Raises:
         OSError: The folder cannot be written or the disk is full.
@@ -30,7 +30,11 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Replace the content of a file in one step, by `replacing`; text is written as UTF-8 with line feeds.
+    """Replace the content of a file by `replacing`; text is written as UTF-8 with line feeds.
+
+    Args:
+        path: The file; its folder is created where missing.
+        content: Text or bytes. Surrogates, which UTF-8 lacks, are written as backslash escapes.
 
     Raises:
         OSError: The folder cannot be written or the disk is full.

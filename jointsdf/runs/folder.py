@@ -1,4 +1,4 @@
-"""The folder of one run: which config it holds, and whether another may have it."""
+"""Run folders: read one, and claim one for a run without overwriting the run of another config."""
 
 import logging
 import shutil
@@ -10,6 +10,7 @@ import yaml
 
 from jointsdf.errors import InputError
 from jointsdf.runs.files import write_atomically
+from jointsdf.runs.fingerprint import NUMBERS
 from jointsdf.runs.lock import LOCK
 from jointsdf.runs.row import ROW_FILE, ResultRow, config_hash, read_row
 from jointsdf.runs.status import STATUS
@@ -19,41 +20,15 @@ REUSED = "reused_from"  # in a row's provenance: the run or the file that it was
 
 log = logging.getLogger(__name__)
 
-# What decides the numbers of a run; everything else in the config is where and how it runs.
-NUMBERS = ("seed", "tessellation", "data", "trunk", "head", "loss", "optimizer", "trainer", "extraction", "evaluation")
-PREVIEWS = ("preview_every", "preview_resolution")
-MACHINE = ("accelerator", "checkpoint_seconds", "log_every", *PREVIEWS, "workers", "matmul", "orthogonalisation")
-AS_BEFORE = {("optimizer", "iterations"): "five"}  # a later key, and the value at which a run is what it was without it
 
-
-def identity(settings: Mapping[str, Any], **shape: str) -> dict[str, Any]:
-    """Everything that decides a run's numbers, and nothing that does not.
+def finished_row(folder: Path, fingerprint: Mapping[str, Any], *, force: bool, reuse: bool) -> ResultRow | None:
+    """The run's row where the folder holds it, else None; nothing is written.
 
     Args:
-        settings: The resolved config.
-        **shape: What identifies the ground truth.
-    """
-    numbers = {name: settings[name] for name in NUMBERS}
-    for group in ("trainer", "data"):
-        numbers[group] = {key: value for key, value in numbers[group].items() if key not in MACHINE}
-    for (group, key), before in AS_BEFORE.items():
-        if numbers[group].get(key) == before:
-            numbers[group] = {name: value for name, value in numbers[group].items() if name != key}
-    data = numbers["data"]
-    if data.get("region_points") == 0:  # without such points their share decides nothing
-        counts = {key: value for key, value in data["counts"].items() if key != "regions"}
-        numbers["data"] = {key: value for key, value in data.items() if key != "region_points"} | {"counts": counts}
-    return numbers | {"shape": shape}
-
-
-def finished_row(folder: Path, numbers: Mapping[str, Any], *, force: bool, reuse: bool) -> ResultRow | None:
-    """The row of this very run, if the folder holds it already, undamaged; nothing is written.
-
-    Args:
-        folder: The run folder; need not be there.
-        numbers: From `identity`.
-        force: Whether what the folder holds does not matter.
-        reuse: Whether a row taken from another study will do.
+        folder: The run folder; need not exist.
+        fingerprint: Of the run, from `fingerprint_of`.
+        force: Whether to ignore what the folder holds.
+        reuse: Whether to accept a row taken from another study.
 
     Raises:
         InputError: The folder holds a checkpoint or result of another config (the differing keys are listed), or a
@@ -63,7 +38,7 @@ def finished_row(folder: Path, numbers: Mapping[str, Any], *, force: bool, reuse
         return None
     if not (folder / CONFIG).is_file():
         raise InputError(f"{folder} holds a run without its {CONFIG}; force=true starts it over")
-    _refuse_another(folder, read_config(folder)["identity"], numbers)
+    _refuse_another(folder, read_config(folder)["identity"], fingerprint)
     try:
         row = read_row(folder / ROW_FILE)
     except (FileNotFoundError, ValueError):  # `claim` reports a damaged one
@@ -71,17 +46,19 @@ def finished_row(folder: Path, numbers: Mapping[str, Any], *, force: bool, reuse
     return row if reuse or REUSED not in row.provenance else None
 
 
-def claim(folder: Path, settings: Mapping[str, Any], numbers: Mapping[str, Any], *, resume: str, force: bool) -> None:
-    """Make the folder this run's: write its config there.
+def claim(
+    folder: Path, settings: Mapping[str, Any], fingerprint: Mapping[str, Any], *, resume: str, force: bool
+) -> None:
+    """Write the run's config into the folder; without a checkpoint to resume from, empty the folder first.
 
-    Without a checkpoint to go on from, whatever an earlier attempt left is removed. A damaged result is reported.
+    A damaged result is logged.
 
     Args:
-        folder: The run folder, for which `finished_row` gave None; made where it is not there.
+        folder: The run folder, for which `finished_row` gave None; created where missing.
         settings: The resolved config, stored as `config.yaml`.
-        numbers: From `identity`.
-        resume: `auto` keeps the folder's checkpoint, `never` does not.
-        force: Whether to throw away what the folder holds.
+        fingerprint: Of the run, from `fingerprint_of`; stored there as `identity`.
+        resume: `auto` resumes from the folder's checkpoint, `never` removes it.
+        force: Whether to remove everything in the folder.
     """
     if not force and (folder / ROW_FILE).exists():
         try:
@@ -90,11 +67,11 @@ def claim(folder: Path, settings: Mapping[str, Any], numbers: Mapping[str, Any],
             log.warning("%s; the run is done again", error)
     if folder.is_dir() and (force or resume == "never" or not (folder / CHECKPOINT).exists()):
         _clear(folder)
-    write_atomically(folder / CONFIG, yaml.safe_dump({**settings, "identity": dict(numbers)}, sort_keys=False))
+    write_atomically(folder / CONFIG, yaml.safe_dump({**settings, "identity": dict(fingerprint)}, sort_keys=False))
 
 
 def read_config(folder: Path) -> dict[str, Any]:
-    """The config that a run folder holds.
+    """Read the config of a run folder.
 
     Raises:
         InputError: There is none, or it cannot be read.
@@ -112,8 +89,8 @@ def read_config(folder: Path) -> dict[str, Any]:
     return config
 
 
-def stored_row(folder: Path) -> ResultRow:
-    """The row that a run folder holds.
+def read_result(folder: Path) -> ResultRow:
+    """Read the row of a finished run's folder.
 
     Raises:
         InputError: There is none, or it cannot be read.
@@ -128,7 +105,7 @@ def stored_row(folder: Path) -> ResultRow:
 
 
 def _clear(folder: Path) -> None:
-    """Empty the folder but for what says that this process works on it."""
+    """Empty the folder except for its lock and status, which are this process's."""
     for entry in folder.iterdir():
         if entry.is_dir() and not entry.is_symlink():
             shutil.rmtree(entry)
@@ -137,6 +114,7 @@ def _clear(folder: Path) -> None:
 
 
 def _refuse_another(folder: Path, held: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    """Raise where the two fingerprints differ, with every differing key."""
     before, now = _flat(held), _flat(wanted)
     differing = sorted(key for key in before.keys() | now.keys() if before.get(key) != now.get(key))
     if differing:

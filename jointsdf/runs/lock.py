@@ -1,4 +1,4 @@
-"""The lock of a run folder, which dies with its process (flock). Imports no torch."""
+"""Advisory lock of a run folder (flock), released by the system when its process dies. Imports no torch."""
 
 import fcntl
 import logging
@@ -14,15 +14,15 @@ log = logging.getLogger(__name__)
 
 
 class Busy(Exception):
-    """Another process writes the run folder."""
+    """Another process holds the lock of the run folder."""
 
 
 @contextmanager
 def lock(folder: Path, *, wait: bool) -> Iterator[None]:
-    """Keep every other process out of the run folder; the lock dies with its process.
+    """Hold the run folder's lock during the block; it ends with the block or with the process.
 
     Args:
-        folder: Made where it is not there.
+        folder: Created where missing.
         wait: Whether to wait for another process to finish its work there.
 
     Raises:
@@ -33,7 +33,7 @@ def lock(folder: Path, *, wait: bool) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         with path.open("w") as file:
             _acquire(file, folder, wait)
-            if _is(path, file):  # else its holder has removed it meanwhile
+            if _is_at(path, file):  # else its holder removed it in the meantime
                 try:
                     yield
                 finally:
@@ -42,6 +42,7 @@ def lock(folder: Path, *, wait: bool) -> Iterator[None]:
 
 
 def _acquire(file: IO[str], folder: Path, wait: bool) -> None:
+    """Lock the open file, or raise `Busy` where another process holds it and `wait` is false."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -51,7 +52,8 @@ def _acquire(file: IO[str], folder: Path, wait: bool) -> None:
         fcntl.flock(file, fcntl.LOCK_EX)
 
 
-def _is(path: Path, file: IO[str]) -> bool:
+def _is_at(path: Path, file: IO[str]) -> bool:
+    """True if the open file is the one at the path."""
     try:
         return os.path.samestat(path.stat(), os.fstat(file.fileno()))
     except FileNotFoundError:
@@ -59,7 +61,7 @@ def _is(path: Path, file: IO[str]) -> bool:
 
 
 def is_locked(folder: Path) -> bool:
-    """Whether a process holds the lock of a run folder."""
+    """True if a process holds the lock of a run folder."""
     try:
         with (folder / LOCK).open() as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

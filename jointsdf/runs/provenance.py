@@ -1,4 +1,4 @@
-"""Where a row's numbers come from: code, configuration, library versions, machine and date. Imports no torch."""
+"""Provenance of a row: code, configuration, library versions, machine and date. Imports no torch."""
 
 import hashlib
 import os
@@ -18,11 +18,11 @@ PACKAGE = Path(__file__).parents[1]
 
 
 class CodeState(NamedTuple):
-    """The code that runs.
+    """Version of the code that runs.
 
     Attributes:
         commit: Of the checkout; `unknown` where git does not track the code.
-        dirty: Whether it was changed since; `unknown` likewise.
+        dirty: Whether it was changed since the commit; `unknown` likewise.
         sha256: Of all Python files of the package.
     """
 
@@ -32,12 +32,12 @@ class CodeState(NamedTuple):
 
 
 def provenance(code: CodeState, *, config_hash: str, **facts: Fact) -> dict[str, Fact]:
-    """Collect what made a row: code, configuration, library versions, machine and date (UTC).
+    """Provenance entry of a row: code, configuration, library versions, machine and date (UTC).
 
     Args:
         code: From `code_state`, at the start of the run.
         config_hash: From `row.config_hash`.
-        **facts: What only the run knows: device, mesh_sha256, label_provider, ...
+        **facts: Entries of the run itself: device, mesh_sha256, label_provider, ...
     """
     return {
         "commit": code.commit,
@@ -53,9 +53,9 @@ def provenance(code: CodeState, *, config_hash: str, **facts: Fact) -> dict[str,
 
 @cache
 def code_state(folder: Path = PACKAGE) -> CodeState:
-    """State of the code in `folder`, read once per process.
+    """Commit, changes and hash of the code in `folder`, read once per process.
 
-    Ask at the start of a run: what runs is what was loaded then, wherever the branch moves.
+    Call it at the start of a run: the loaded code runs on, even if the branch moves.
     """
     content = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(folder.rglob("*.py")))).hexdigest()
 
@@ -80,12 +80,12 @@ def _version(distribution: str) -> str:
 
 
 def cpu_model() -> str:
-    """The processor's name, as the system gives it."""
+    """Name of the processor, from the system."""
     return _cpu_fact("model name") or platform.processor() or UNKNOWN
 
 
 def cpu_vendor() -> str:
-    """The processor's maker, as the system gives it."""
+    """Vendor of the processor, from the system."""
     return _cpu_fact("vendor_id") or platform.machine()
 
 

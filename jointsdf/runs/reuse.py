@@ -1,4 +1,4 @@
-"""Rows of other studies that are this run's as well: the same numbers in, so the same numbers out."""
+"""Reuse of finished runs: a row of another study with the same fingerprint is this run's row as well."""
 
 import glob
 from collections.abc import Iterator
@@ -10,25 +10,28 @@ from jointsdf.runs.folder import REUSED
 from jointsdf.runs.row import ROW_FILE, ResultRow, read_row
 
 
-def known_row(identity_hash: str, folder: Path, outputs: Path, results: Path) -> ResultRow | None:
-    """A finished run with the same identity as a row of this one; its provenance says where it was taken from.
+def find_reusable_row(fingerprint_hash: str, folder: Path, outputs: Path, results: Path) -> ResultRow | None:
+    """Find a finished run of the same fingerprint; its row as this run's, with its origin in the provenance.
 
     Args:
-        identity_hash: Of the numbers that decide the run's.
+        fingerprint_hash: `config_hash` of the run's fingerprint.
         folder: The run folder, `<outputs>/<study>/<variant>/<head>/<shape>/seed<k>`.
-        outputs: Where the runs of every study are.
-        results: Where the committed rows are, `<study>/runs.csv`.
+        outputs: Folder of the runs of every study.
+        results: Folder of the committed rows, `<study>/runs.csv`.
+
+    Returns:
+        The row with the study and variant of `folder`; None where no run has the fingerprint.
     """
     study, variant, *_ = folder.relative_to(outputs).parts
     for row, source in _candidates(folder, outputs, results):
-        if row.provenance.get("config_hash") == identity_hash:
+        if row.provenance.get("config_hash") == fingerprint_hash:
             provenance = {REUSED: source} | row.provenance
             return replace(row, study=study, variant=variant, provenance=provenance)
     return None
 
 
 def _candidates(folder: Path, outputs: Path, results: Path) -> Iterator[tuple[ResultRow, str]]:
-    """Rows of the same head, shape and seed, those of runs on this disk first; damaged ones are left out."""
+    """Rows of the same head, shape and seed with their origin, runs on this disk first; damaged ones are skipped."""
     head, shape, seed = folder.parts[-3:]
     for found in sorted(outputs.glob(f"*/*/{glob.escape(head)}/{glob.escape(shape)}/{seed}/{ROW_FILE}")):
         try:

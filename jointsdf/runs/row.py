@@ -1,7 +1,4 @@
-"""One run's result: a typed row, written last and atomically. Numbers are never scraped from a log.
-
-Imports no torch, so that tables and reports are made on a machine without it.
-"""
+"""Result row of one run: typed, written last and atomically. No number comes from a log. Imports no torch."""
 
 import hashlib
 import json
@@ -22,12 +19,12 @@ Fact = str | int | float | bool | dict[str, Any]
 
 @dataclass(frozen=True)
 class ResultRow:
-    """What one fit gave. Missing numbers are NaN, never 0.
+    """Scores, costs and provenance of one fit. Missing numbers are NaN, never 0.
 
     Attributes:
         study: Name of the sweep, or of the recipe for a plain run.
         variant: `base`, or the key=value that an ablation varies.
-        recipe: Which information and budget the fit used.
+        recipe: Name of the information and budget that the fit used.
         head: Segmentation head, `none` for the baseline without one.
         shape: Catalogue name, or `<stem>-<6 hex digits>` for a mesh file.
         seed: Of initialisation and samples.
@@ -38,7 +35,7 @@ class ResultRow:
         seconds: Wall-clock of each stage, e.g. `load`, `fit`, `extract`, `evaluate`, `total`.
         peak_memory_mb: Largest memory of the run, MiB.
         scores: Evaluation protocol -> metric -> value.
-        provenance: Where the numbers come from; see `provenance.py`.
+        provenance: Origin of the numbers; see `provenance.py`.
         schema: Version of this layout.
     """
 
@@ -57,6 +54,12 @@ class ResultRow:
     scores: dict[str, dict[str, float]]
     provenance: dict[str, Fact]
     schema: int = SCHEMA
+
+
+def run_key(row: ResultRow) -> tuple[str, ...]:
+    """The fields that tell runs apart; two rows of one key are of the same run and never share a table."""
+    names = (row.study, row.variant, row.recipe, row.head, row.shape, str(row.seed))
+    return (*names, str(row.provenance.get("label_provider")))
 
 
 def write_row(folder: Path, row: ResultRow) -> Path:
@@ -79,7 +82,7 @@ def read_row(path: Path) -> ResultRow:
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
-        return row_of(content)
+        return parse_row(content)
     except ValueError as error:
         raise ValueError(f"{path}: not a readable result row: {error}") from error
 
@@ -93,7 +96,7 @@ def read_rows(root: Path) -> tuple[list[ResultRow], list[str]]:
     Returns:
         The rows, and one line for each file that was left out: unreadable, or a second row of the same run.
     """
-    rows: dict[tuple[object, ...], tuple[ResultRow, Path]] = {}
+    rows: dict[tuple[str, ...], tuple[ResultRow, Path]] = {}
     problems: list[str] = []
     for path in sorted(root.rglob(ROW_FILE)):
         try:
@@ -101,17 +104,16 @@ def read_rows(root: Path) -> tuple[list[ResultRow], list[str]]:
         except (ValueError, OSError) as error:
             problems.append(str(error))
             continue
-        provider = str(row.provenance.get("label_provider"))
-        identity = (row.study, row.variant, row.recipe, row.head, row.shape, row.seed, provider)
-        if identity in rows:
-            problems.append(f"{path}: left out, the same run as {rows[identity][1]}; delete one of the two")
+        key = run_key(row)
+        if key in rows:
+            problems.append(f"{path}: left out, the same run as {rows[key][1]}; delete one of the two")
         else:
-            rows[identity] = (row, path)
+            rows[key] = (row, path)
     return [row for row, _ in rows.values()], problems
 
 
-def row_of(content: Any) -> ResultRow:
-    """Check what was read from a file, and make it a row.
+def parse_row(content: Any) -> ResultRow:
+    """Validate the content of a `result.json` and build its row.
 
     Raises:
         ValueError: It is not a row of this schema. One line, with the fix.
@@ -139,12 +141,17 @@ def row_of(content: Any) -> ResultRow:
 
 
 def config_hash(resolved: Mapping[str, Any]) -> str:
-    """Identify a resolved configuration: 16 hex digits, the same for any order of its keys."""
+    """Hash of a resolved config: the first 16 hex digits of the sha256 of its canonical JSON.
+
+    >>> config_hash({"seed": 0, "head": "siren"}) == config_hash({"head": "siren", "seed": 0})
+    True
+    """
     canonical = json.dumps(_plain(resolved), sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 
 
 def _plain(value: Any) -> Any:
+    """The value with JSON's types alone; what is not finite becomes None."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

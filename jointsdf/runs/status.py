@@ -1,7 +1,4 @@
-"""Run status on disk: progress, failures, planned runs.
-
-Imports no torch.
-"""
+"""Run status on disk: progress, failures, planned runs. Imports no torch."""
 
 import json
 import os
@@ -22,14 +19,14 @@ STATUS, TRACEBACK, PLAN = "status.json", "traceback.txt", "sweep.json"
 
 @dataclass(frozen=True)
 class RunState:
-    """How a run stands.
+    """State of a run.
 
     Attributes:
         kind: `stopped`: begun, and no process works on it; `missing`: not begun.
         step: Steps of the fit that are done.
         steps: Steps in all.
         seconds: Of the fit so far.
-        error: Why it failed, in one line.
+        error: Reason of the failure, one line.
         killed_twice: Whether two processes died at the same step, so that a third would as well.
     """
 
@@ -42,38 +39,45 @@ class RunState:
 
 
 def begin(folder: Path) -> None:
-    """Note that this process works on the folder, which it has locked."""
+    """Mark the run as running in this process, which holds the folder's lock."""
     before = _status(folder)
     died_at = before["step"] if before.get("state") == "running" else None
     _write(folder, state="running", step=0, steps=0, seconds=0.0, died_at=died_at)
     (folder / TRACEBACK).unlink(missing_ok=True)
 
 
-def report(folder: Path, step: int, steps: int, seconds: float) -> None:
-    """Note how far the fit is."""
+def note_progress(folder: Path, step: int, steps: int, seconds: float) -> None:
+    """Record the progress of the fit.
+
+    Args:
+        folder: The run folder.
+        step: Steps done.
+        steps: Steps in all.
+        seconds: Of the fit so far.
+    """
     _write(folder, **(_status(folder) | {"step": step, "steps": steps, "seconds": round(seconds, 1)}))
 
 
 def end(folder: Path) -> None:
-    """Note that the folder holds its result."""
+    """Remove status and traceback: the folder holds its result."""
     for name in (STATUS, TRACEBACK):
         (folder / name).unlink(missing_ok=True)
 
 
 def fail(folder: Path, message: str, error: BaseException) -> None:
-    """Leave the reason and the traceback of a failure in the run folder.
+    """Record a failure and its traceback in the run folder.
 
     Args:
-        folder: Made where it is not there; nothing else in it is touched.
+        folder: Created where missing; nothing else in it is touched.
         message: One line.
-        error: Where it comes from.
+        error: The exception.
     """
     write_atomically(folder / TRACEBACK, "".join(traceback.format_exception(error)))
     _write(folder, state="failed", error=message)
 
 
-def state(folder: Path) -> RunState:
-    """How the folder's run stands."""
+def read_state(folder: Path) -> RunState:
+    """State of the folder's run, from its lock, status and result."""
     found = _status(folder)
     step, steps, seconds = int(found.get("step", 0)), int(found.get("steps", 0)), float(found.get("seconds", 0))
     if is_locked(folder):
@@ -88,25 +92,29 @@ def state(folder: Path) -> RunState:
 
 
 def plan(study: Path, folders: Iterable[Path]) -> None:
-    """Add run folders to those that a study wants.
+    """Add run folders to the plan of a study.
 
     Args:
-        study: The study's folder; made where it is not there.
+        study: The study's folder; created where missing.
         folders: Below it.
     """
-    wanted = dict.fromkeys([*planned(study), *folders])
+    wanted = dict.fromkeys([*planned_runs(study), *folders])
     runs = [folder.relative_to(study).as_posix() for folder in wanted]
     write_atomically(study / PLAN, json.dumps({"runs": runs}, indent=1) + "\n")
 
 
-def planned(study: Path) -> list[Path]:
-    """The run folders that the study's sweeps want, in their order; none where no sweep was started."""
+def planned_runs(study: Path) -> list[Path]:
+    """Run folders that the study's sweeps planned, in their order; none where no sweep was started."""
     runs = _read(study / PLAN).get("runs")
     return [study / str(run) for run in runs] if isinstance(runs, list) else []
 
 
 def duration(seconds: float) -> str:
-    """A length of time for people: `40 s`, `12 min` or `3:05 h`."""
+    """Format a length of time.
+
+    >>> [duration(seconds) for seconds in (40.0, 720.0, 11_100.0)]
+    ['40 s', '12 min', '3:05 h']
+    """
     minutes = round(seconds / 60)
     if seconds < 59.5:
         return f"{seconds:.0f} s"
@@ -118,7 +126,7 @@ def _status(folder: Path) -> dict[str, Any]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """What the file holds; nothing where there is none or it is damaged, since it only serves to be looked at."""
+    """JSON object in a file; empty where it is missing or damaged, since no result depends on it."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

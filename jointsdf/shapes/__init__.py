@@ -1,5 +1,6 @@
-"""Ground truths: a shape's name or path -> `Shape`, with part labels from any of their sources."""
+"""Ground truths: meshes with part labels, loaded by a shape's name or path."""
 
-from jointsdf.shapes.loading import load, name_of, require_parts, shape_names, triangles
+from jointsdf.shapes.loading import load, require_parts
+from jointsdf.shapes.naming import name_of, shape_names
 
-__all__ = ["load", "name_of", "require_parts", "shape_names", "triangles"]
+__all__ = ["load", "name_of", "require_parts", "shape_names"]

@@ -1,4 +1,4 @@
-"""A shape from arrays in memory: the same repairs and label providers as for a file."""
+"""Shapes from arrays in memory, with the repairs and label providers of files."""
 
 import hashlib
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ def from_arrays(
     Raises:
         InputError: Arrays of another shape, values out of range, or labels that do not fit.
     """
-    points, triangles = _vertices(vertices), _faces(faces)
+    points, triangles = _check_vertices(vertices), _check_faces(faces)
     digest = hashlib.sha256(points.tobytes() + triangles.tobytes()).hexdigest()
     called = name or f"mesh-{digest[:6]}"
     check_mesh(called, points, triangles)
@@ -51,36 +51,36 @@ def from_arrays(
             called,
             FileMesh(points, triangles, False, digest),
             mesh,
-            solid.kept,
+            solid.source_faces,
             num_parts=num_parts,
             partfield_dir=partfield_dir,
             needed=False,
         )
         found, provider = provide(labels, unlabelled)
     else:
-        found, provider = _labels(labels, len(triangles))[solid.kept], "array"
+        found, provider = _check_labels(labels, len(triangles))[solid.source_faces], "array"
     dropped = len(triangles) - len(solid.faces)
     return Shape(
         called, replace(mesh, labels=found), digest, provider, solid.watertight, flipped=solid.flipped, dropped=dropped
     )
 
 
-def _vertices(given: Any) -> Float[ndarray, "v 3"]:
-    array = _array("vertices", given)
+def _check_vertices(given: Any) -> Float[ndarray, "v 3"]:
+    array = _to_array("vertices", given)
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
         raise InputError(f"vertices of shape {array.shape} and type {array.dtype}: give numbers in shape (v, 3)")
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def _faces(given: Any) -> Int[ndarray, "f 3"]:
-    array = _array("faces", given)
+def _check_faces(given: Any) -> Int[ndarray, "f 3"]:
+    array = _to_array("faces", given)
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
         raise InputError(f"faces of shape {array.shape} and type {array.dtype}: give integers in shape (f, 3)")
     return np.ascontiguousarray(array, dtype=np.int64)
 
 
-def _labels(given: Any, count: int) -> Int[ndarray, " f"]:
-    array = _array("labels", given)
+def _check_labels(given: Any, count: int) -> Int[ndarray, " f"]:
+    array = _to_array("labels", given)
     if array.shape != (count,) or array.dtype.kind not in "iu" or array.min() < UNLABELLED:
         raise InputError(
             f"labels of shape {array.shape} and type {array.dtype}: give one integer >= -1 for each of the {count} "
@@ -89,7 +89,7 @@ def _labels(given: Any, count: int) -> Int[ndarray, " f"]:
     return array.astype(np.int64)
 
 
-def _array(name: str, given: Any) -> ndarray:
+def _to_array(name: str, given: Any) -> ndarray:
     try:
         return np.asarray(given)
     except ValueError as error:

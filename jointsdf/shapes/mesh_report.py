@@ -8,17 +8,18 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from jointsdf.geometry.mesh import area_uniform, face_areas, face_normals
+from jointsdf.geometry.mesh import face_areas, face_normals
 from jointsdf.geometry.rays import ray_lengths
+from jointsdf.geometry.sampling import sample_by_area
 from jointsdf.geometry.topology import count_components
 from jointsdf.values import UNLABELLED, LabelledMesh, Shape
 
 SAMPLES, WINDINGS = 10000, 2000  # points on the surface for rays, and for winding numbers
 CONTACT = 1e-4  # of the longest side: faces nearer than that may touch
-LIFT = 2e-6  # of what starts outside or inside a face, off the surface, of the longest side
-WITHIN = 0.4  # winding number outside a face, above which the face lies within: a sheet inside a solid has 0.5 there
+LIFT = 2e-6  # of starts of rays and of winding points off the surface, of the longest side
+WITHIN = 0.4  # winding number on the outer side of a face above which it is buried: a sheet inside a solid has 0.5
 THINNEST = 0.01  # share of the surface whose walls are as thin as the thinnest one, or thinner
-SUSPECT = 0.001  # share of points from which rays or windings say something; fewer are edges and corners
+SUSPECT = 0.001  # share of points from which a warning is given; fewer are edges and corners
 LISTED = 24  # parts on the screen
 
 logger = logging.getLogger(__name__)
@@ -31,10 +32,10 @@ class MeshReport:
     Attributes:
         name: Of the shape.
         faces: Number of faces.
-        components: Number of pieces that share no vertex.
+        components: Number of connected components; faces that share a vertex are connected.
         watertight: Whether the faces close a volume.
-        flipped: Faces that were turned over.
-        dropped: Faces that were left out: repeated, or without area.
+        flipped: Number of faces whose winding was reversed.
+        dropped: Number of faces left out: repeated, or without area.
         contacts: Share of the surface nearer than 1e-4 of the longest side to another face, inward or outward.
         buried: Share of the surface that lies inside the solid: bodies overlap or touch, or there are faces within.
         wall: Thickness that 1% of the surface's walls are below; infinite where no ray meets a wall.
@@ -72,7 +73,7 @@ class MeshReport:
         ]
 
     def warnings(self) -> list[str]:
-        """What the fit will not do well, one line each."""
+        """Places that the fit will not represent well, one line each."""
         found = []
         if self.buried > SUSPECT:
             found.append(
@@ -87,7 +88,7 @@ class MeshReport:
         return found
 
     def log(self, cell: float) -> None:
-        """Log the lines, and the warnings; the argument is that of `lines`."""
+        """Log the lines and the warnings; the argument is that of `lines`."""
         for line in self.lines(cell):
             logger.info(line)
         for line in self.warnings():
@@ -114,11 +115,11 @@ def mesh_report(shape: Shape) -> MeshReport:
     labelled = mesh.labels != UNLABELLED
     part_areas = np.bincount(np.searchsorted(mesh.part_ids, mesh.labels[labelled]), areas[labelled])
     order = np.argsort(-part_areas, kind="stable")
-    vertices, size = _in_box(mesh)
+    vertices, size = _to_unit_box(mesh)
     corners = vertices[mesh.faces]
-    points, faces = area_uniform(vertices, mesh.faces, areas, SAMPLES, np.random.default_rng(0))
+    points, faces = sample_by_area(vertices, mesh.faces, areas, SAMPLES, np.random.default_rng(0))
     normals = face_normals(vertices, mesh.faces)[faces]
-    inward, outward = _reach(corners, points, -normals), _reach(corners, points, normals)
+    inward, outward = _clearance(corners, points, -normals), _clearance(corners, points, normals)
     near = (inward < CONTACT) | (outward < CONTACT)
     wall = float(np.quantile(inward, THINNEST, method="lower")) * size
     return MeshReport(
@@ -135,17 +136,17 @@ def mesh_report(shape: Shape) -> MeshReport:
     )
 
 
-def _in_box(mesh: LabelledMesh) -> tuple[Float[ndarray, "v 3"], float]:
-    """Vertices about the middle of their box, its longest side 1; and that side, mesh units."""
+def _to_unit_box(mesh: LabelledMesh) -> tuple[Float[ndarray, "v 3"], float]:
+    """Move the middle of the box to the origin and scale its longest side to 1; also that side, mesh units."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     size = float((high - low).max())
     return (mesh.vertices - (low + high) / 2) / size, size
 
 
-def _reach(
+def _clearance(
     corners: Float[ndarray, "f 3 3"], points: Float[ndarray, "n 3"], directions: Float[ndarray, "n 3"]
 ) -> Float[ndarray, " n"]:
-    """How far rays go from the surface to the next face; infinite where they meet none. Longest sides."""
+    """Distance along rays from the surface to the next face, infinite without one. Longest sides."""
     return ray_lengths(corners, points + LIFT * directions, directions) + LIFT
 
 

@@ -1,4 +1,4 @@
-"""A mesh as a solid: one vertex per position, no degenerate face, wound outward; whatever is odd is said."""
+"""Repair of a mesh to a solid: vertices merged, degenerate faces dropped, wound outward, with warnings."""
 
 import logging
 from dataclasses import dataclass
@@ -11,66 +11,68 @@ from numpy import ndarray
 from jointsdf.errors import InputError
 from jointsdf.geometry.topology import count_components, signed_volume
 
-COARSE, SLOW = 10, 2_000_000  # faces: at most, at least
+COARSE, SLOW = 10, 2_000_000  # numbers of faces at most and at least that are warned of
+FLAT = 1e-12  # least side of a solid's box, of its longest side
+DEGENERATE = 1e-15  # twice the area of a degenerate face at most, of the longest side squared
 
 logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A cleaned mesh, in the frame it came in.
+    """A repaired mesh, in the frame of the given one.
 
     Attributes:
         vertices: The positions that a face uses.
         faces: Vertex indices, counter-clockwise seen from outside where there is an outside.
-        kept: Index of each face among the faces given: repeated and degenerate ones were dropped.
+        source_faces: Index of each face among the given ones: repeated and degenerate ones are dropped.
         watertight: Whether each edge has exactly two faces, which agree on the outside.
-        flipped: Number of faces that were turned over.
+        flipped: Number of faces whose winding was reversed.
     """
 
     vertices: Float[ndarray, "v 3"]
     faces: Int[ndarray, "f 3"]
-    kept: Int[ndarray, " f"]
+    source_faces: Int[ndarray, " f"]
     watertight: bool
     flipped: int
 
 
 def repair_mesh(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> Solid:
-    """Merge vertices by position, drop repeated and degenerate faces, wind outward; warn of what a user should know.
+    """Merge vertices by position, drop repeated and degenerate faces, wind outward; warn of defects.
 
     Args:
-        source: What messages call the mesh.
+        source: Names the mesh in messages.
         vertices: Finite positions.
-        faces: Vertex indices, at least one face; their order is kept.
+        faces: Vertex indices, at least one face; their order stays.
 
     Raises:
         InputError: The mesh has no extent along an axis, or no face with an area.
     """
-    once = _not_repeated(source, _by_position(vertices)[faces])
+    once = _find_distinct(source, _first_at_position(vertices)[faces])
     vertices, merged = _merge(vertices, faces[once])
     extents = np.ptp(vertices, axis=0)
-    if extents.min() <= 1e-12 * extents.max():
+    if extents.min() <= FLAT * extents.max():
         raise InputError(f"{source} is flat: its extents are {extents.tolist()}; a solid needs all three above zero")
-    kept = _not_degenerate(source, vertices, merged, extents.max())
-    vertices, merged = _merge(vertices, merged[kept])
+    proper = _find_proper(source, vertices, merged, extents.max())
+    vertices, merged = _merge(vertices, merged[proper])
     wound, watertight = _orient(source, vertices, merged)
     _warn_of_size(source, wound)
-    return Solid(vertices, wound, once[kept], watertight, int((wound != merged).any(axis=1).sum()))
+    return Solid(vertices, wound, once[proper], watertight, int((wound != merged).any(axis=1).sum()))
 
 
 def _merge(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> tuple[ndarray, ndarray]:
-    """One vertex for each position that a face uses; faces and positions keep their order.
+    """Merge the vertices that faces use by position; faces and positions keep their order.
 
-    A mesh that is closed as it stands is not merged: where it touches itself, that would open it.
+    A closed mesh is not merged: where it touches itself, that would open it.
     """
     closed = (_edge_uses(faces) == 2).all()
-    identity = np.arange(len(vertices)) if closed else _by_position(vertices)
+    identity = np.arange(len(vertices)) if closed else _first_at_position(vertices)
     used, merged = np.unique(identity[faces], return_inverse=True)
     return vertices[used], merged.reshape(faces.shape)
 
 
-def _by_position(vertices: Float[ndarray, "v 3"]) -> Int[ndarray, " v"]:
-    """For each vertex, the first one at its position."""
+def _first_at_position(vertices: Float[ndarray, "v 3"]) -> Int[ndarray, " v"]:
+    """Find for each vertex the first one at its position."""
     order = np.lexsort(vertices.T)
     starts = np.ones(len(order), dtype=bool)
     starts[1:] = (vertices[order[1:]] != vertices[order[:-1]]).any(axis=1)
@@ -79,8 +81,8 @@ def _by_position(vertices: Float[ndarray, "v 3"]) -> Int[ndarray, " v"]:
     return identity
 
 
-def _not_repeated(source: str, faces: Int[ndarray, "f 3"]) -> Int[ndarray, " k"]:
-    """Indices of the faces without those that repeat an earlier one, wound the same way."""
+def _find_distinct(source: str, faces: Int[ndarray, "f 3"]) -> Int[ndarray, " k"]:
+    """Find the faces that do not repeat an earlier one of the same winding."""
     turned = (np.argmin(faces, axis=1)[:, None] + np.arange(3)) % 3
     faces = np.take_along_axis(faces, turned, axis=1)
     order = np.lexsort(faces.T)
@@ -91,27 +93,27 @@ def _not_repeated(source: str, faces: Int[ndarray, "f 3"]) -> Int[ndarray, " k"]
     return np.flatnonzero(first)
 
 
-def _not_degenerate(source: str, vertices: ndarray, faces: ndarray, size: float) -> Int[ndarray, " k"]:
-    """Indices of the faces that have an area."""
+def _find_proper(source: str, vertices: ndarray, faces: ndarray, size: float) -> Int[ndarray, " k"]:
+    """Find the faces that have an area."""
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     doubled_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    kept = np.flatnonzero(doubled_area > 1e-15 * size**2)
-    if len(kept) == 0:
+    proper = np.flatnonzero(doubled_area > DEGENERATE * size**2)
+    if len(proper) == 0:
         raise InputError(f"{source} has no faces with an area: all {len(faces)} are degenerate")
-    if len(kept) < len(faces):
-        logger.warning("%s: %d degenerate faces (no area) dropped with their labels", source, len(faces) - len(kept))
-    return kept
+    if len(proper) < len(faces):
+        logger.warning("%s: %d degenerate faces (no area) dropped with their labels", source, len(faces) - len(proper))
+    return proper
 
 
 def _orient(source: str, vertices: ndarray, faces: ndarray) -> tuple[Int[ndarray, "f 3"], bool]:
-    """The faces wound outward, and whether they close a volume without contradiction."""
+    """Wind the faces outward; also whether they close a volume consistently."""
     uses = _edge_uses(faces)
     if (uses != 2).any():
         counts = f"{(uses != 2).sum()} of {len(uses)} edges do not have exactly two faces"
         logger.warning("%s: not watertight (%s): the sign comes from the winding number", source, counts)
         return faces, False
     if not _is_consistent(faces):
-        faces, disagreeing = _agreeing(faces)
+        faces, disagreeing = _flip_minorities(faces)
         if not _is_consistent(faces):
             logger.warning("%s: has no outside (one-sided surface): the sign comes from the winding number", source)
             return faces, False
@@ -123,19 +125,19 @@ def _orient(source: str, vertices: ndarray, faces: ndarray) -> tuple[Int[ndarray
 
 
 def _edge_uses(faces: Int[ndarray, "f 3"]) -> Int[ndarray, " e"]:
-    """How many faces each edge has."""
+    """Number of faces at each edge."""
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     return np.unique(ends.min(axis=1) * (int(faces.max()) + 1) + ends.max(axis=1), return_counts=True)[1]
 
 
 def _is_consistent(faces: Int[ndarray, "f 3"]) -> bool:
-    """Whether no edge is walked twice in one direction, as it is between faces that disagree about the outside."""
+    """True if no edge is traversed twice in one direction, as between faces that disagree about the outside."""
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     return len(np.unique(ends[:, 0] * (int(faces.max()) + 1) + ends[:, 1])) == len(ends)
 
 
-def _agreeing(faces: Int[ndarray, "f 3"]) -> tuple[Int[ndarray, "f 3"], int]:
-    """Faces flipped to agree with most of their component, and how many were."""
+def _flip_minorities(faces: Int[ndarray, "f 3"]) -> tuple[Int[ndarray, "f 3"], int]:
+    """Flip faces that disagree with most of their component; also the number of them."""
     oriented, component = igl.bfs_orient(faces)
     flipped = (oriented != faces).any(axis=1)
     mostly_flipped = np.bincount(component, flipped) > 0.5 * np.bincount(component)

@@ -1,4 +1,4 @@
-"""The ground truth that a config or a run folder names."""
+"""Loading of the ground truth that a config or a run folder names."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +11,7 @@ from jointsdf.values import Shape
 
 
 def load_configured(settings: Mapping[str, Any]) -> Shape:
-    """The shape of a resolved config, with the labels that it asks for.
+    """Load the shape of a resolved config, with its labels.
 
     Args:
         settings: With the keys `shape`, `labels`, `num_parts`, `partfield_dir`, `paths`, `head` and `tessellation`.
@@ -38,10 +38,10 @@ def shape_identity(shape: Shape) -> dict[str, str]:
 
 
 def stored_truth(folder: Path) -> tuple[dict[str, Any], Shape]:
-    """The config that a run folder holds, and the run's ground truth.
+    """Load the config of a run folder, and the run's ground truth.
 
     Raises:
-        InputError: There is no config, or the ground truth is not what it was. One line.
+        InputError: There is no config, or the ground truth has changed. One line.
     """
     settings = read_config(folder)
     try:

@@ -1,1 +1,1 @@
-"""Result rows -> tables. Imports no torch: the tables are made on any machine that has the rows."""
+"""Studies: result rows -> tables, figures, a document, status. No torch outside `figures`."""

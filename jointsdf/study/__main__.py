@@ -6,58 +6,66 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from jointsdf.study.collect import gather
+from jointsdf.study.collect import load_rows
 from jointsdf.study.commit import commit_rows
-from jointsdf.study.comparisons import SUFFIX
-from jointsdf.study.document import compile_report
-from jointsdf.study.status import status
+from jointsdf.study.document import compile_pdf
+from jointsdf.study.groups import SUFFIX
+from jointsdf.study.status import format_status
 from jointsdf.study.tables.write import write_tables
 
 log = logging.getLogger("jointsdf.study")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit code, 2 for what the user can mend."""
-    parser = argparse.ArgumentParser(prog="python -m jointsdf.study", description="Tables from result rows.")
-    commands = parser.add_subparsers(dest="command", required=True)
-    tables = commands.add_parser("tables", help="write OUTPUTS/tables/*.csv and *.tex")
-    report = commands.add_parser(
-        "report", help="write the tables and OUTPUTS/tables/report.pdf, with the figures there"
-    )
-    stand = commands.add_parser("status", help="show how the runs of a study stand: a grid of heads by shapes")
-    keep = commands.add_parser("results", help="write a study's rows to RESULTS/<study>/runs.csv, to be committed")
-    for command in (tables, report):
-        add_heads(command)
-    for command in (stand, keep):
-        command.add_argument("study", help="its name, e.g. main")
-    for command in (tables, report, stand, keep):
-        add_folders(command)
-    options = parser.parse_args(arguments)
+    """Run one command; returns the exit code, 2 for an error that the user can fix."""
+    options = _parser().parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     try:
-        if options.command == "status":
-            log.info(status(options.outputs / options.study))
-            return 0
-        if options.command == "results":
-            path, count, problems = commit_rows(options.outputs / options.study, options.results)
-            log.info("\n".join([*problems, f"{path}: {count} runs"]))
-            return 0
-        rows = gather(options.outputs, options.results, options.heads)
-        written = write_tables(rows, options.outputs, options.results, options.heads)
-        if options.command == "report":
-            written.append(compile_report(written[-1]))
-        shown = [path for path in written if SUFFIX not in path.name]
-        log.info("\n".join(map(str, shown)))
-        if others := len(written) - len(shown):
-            log.info(f"and {others} tables of other groups beside them, named <table>{SUFFIX}<group>")
+        _run(options)
     except (ValueError, OSError) as error:
         log.error(error)
         return 2
     return 0
 
 
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m jointsdf.study", description="Tables from result rows.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    tables = commands.add_parser("tables", help="write OUTPUTS/tables/*.csv and *.tex")
+    report = commands.add_parser(
+        "report", help="write the tables and OUTPUTS/tables/report.pdf, with the figures there"
+    )
+    status = commands.add_parser("status", help="show the status of a study: a grid of heads by shapes")
+    results = commands.add_parser("results", help="write a study's rows to RESULTS/<study>/runs.csv, to be committed")
+    for command in (tables, report):
+        add_heads(command)
+    for command in (status, results):
+        command.add_argument("study", help="its name, e.g. main")
+    for command in (tables, report, status, results):
+        add_folders(command)
+    return parser
+
+
+def _run(options: argparse.Namespace) -> None:
+    if options.command == "status":
+        log.info(format_status(options.outputs / options.study))
+        return
+    if options.command == "results":
+        path, count, problems = commit_rows(options.outputs / options.study, options.results)
+        log.info("\n".join([*problems, f"{path}: {count} runs"]))
+        return
+    rows = load_rows(options.outputs, options.results, options.heads)
+    written = write_tables(rows, options.outputs, options.results, options.heads)
+    if options.command == "report":
+        written.append(compile_pdf(written[-1]))
+    shown = [path for path in written if SUFFIX not in path.name]
+    log.info("\n".join(map(str, shown)))
+    if others := len(written) - len(shown):
+        log.info(f"and {others} tables of other groups, named <table>{SUFFIX}<group>")
+
+
 def add_heads(command: argparse.ArgumentParser) -> None:
-    """The heads that are looked at."""
+    """Add the option that selects heads."""
     command.add_argument(
         "--heads",
         type=lambda text: [name.strip() for name in text.split(",")],
@@ -66,7 +74,7 @@ def add_heads(command: argparse.ArgumentParser) -> None:
 
 
 def add_folders(command: argparse.ArgumentParser) -> None:
-    """The two folders that rows come from."""
+    """Add the folders of runs and of committed rows."""
     command.add_argument("outputs", nargs="?", type=Path, default=Path("outputs"), help="folder of the runs (outputs)")
     command.add_argument(
         "--results", type=Path, default=Path("results"), help="folder of the committed rows and the paper's (results)"

@@ -1,9 +1,10 @@
-"""Captions that say what a table averages over, and what it had to leave out."""
+"""Captions: the runs that a table averages over, and those that it leaves out."""
 
 import pandas as pd
 
-from jointsdf.study.comparisons import BASELINE, Comparison
-from jointsdf.study.missing_runs import listed, shortened
+from jointsdf.study.comparisons import Comparison
+from jointsdf.study.groups import BASELINE
+from jointsdf.study.missing_runs import name_missing, shorten
 
 SOURCES = {"abc": "ABC shapes", "builtin": "built-in shapes", "file": "shapes from mesh files"}
 SEVERAL = "Seconds of different machines are averaged: "
@@ -14,7 +15,7 @@ def caption(what: str, comparison: Comparison, *, unequal: bool, averaged: bool 
     """Plain text under a table.
 
     Args:
-        what: What the table shows and what it is over: sentences without the last full stop.
+        what: First sentences, on the content of the table, without the last full stop.
         comparison: The runs in it.
         unequal: Whether some mean is over fewer shapes than the others.
         averaged: Whether the seeds of a shape are averaged first.
@@ -27,22 +28,23 @@ def caption(what: str, comparison: Comparison, *, unequal: bool, averaged: bool 
         f"protocol {key['protocol']}, {_seeds(comparison.runs, averaged=averaged)}.",
         UNRANKED if unequal else "",
         _left_out(comparison.dropped),
-        listed(gap for gap in comparison.group.gaps if gap.head != BASELINE or BASELINE in comparison.heads),
-        empty_runs(comparison.runs),
-        _changed_truth(comparison.runs),
+        name_missing(run for run in comparison.group.missing if run.head != BASELINE or BASELINE in comparison.heads),
+        name_empty_runs(comparison.runs),
+        _name_changed_truth(comparison.runs),
         _changed_settings(comparison.runs),
     ]
     return " ".join(sentence for sentence in sentences if sentence)
 
 
-def empty_runs(runs: pd.DataFrame) -> str:
-    """Name the runs that ended without a mesh; their distances are missing, their shares 0."""
+def name_empty_runs(runs: pd.DataFrame) -> str:
+    """Name the runs without a mesh, whose distances are missing and whose shares are 0."""
     failed = runs[runs["status"] != "ok"]
     names = [f"{run.head} on {run.shape} (seed {run.seed}, {run.status})" for run in failed.itertuples()]
-    return f"Without a mesh: {shortened(names)}." if names else ""
+    return f"Without a mesh: {shorten(names)}." if names else ""
 
 
 def _seeds(runs: pd.DataFrame, *, averaged: bool) -> str:
+    """Number of seeds of a head and shape."""
     counts = runs.groupby(["head", "shape"])["seed"].nunique()
     if counts.empty:
         return "no common shape"
@@ -54,29 +56,30 @@ def _seeds(runs: pd.DataFrame, *, averaged: bool) -> str:
 
 
 def _left_out(dropped: dict[str, list[str]]) -> str:
+    """Name the dropped shapes with the heads that lack them."""
     names = [f"{shape} (no {', '.join(heads)})" for shape, heads in dropped.items()]
-    return f"Left out: {shortened(names, '; ')}." if names else ""
+    return f"Left out: {shorten(names, '; ')}." if names else ""
 
 
-def _changed_truth(runs: pd.DataFrame) -> str:
-    """Shapes whose runs saw different ground truths: a mesh or labels changed between two runs."""
+def _name_changed_truth(runs: pd.DataFrame) -> str:
+    """Name the shapes whose mesh or labels differ between two runs."""
     names: dict[str, None] = {}
     labelled = runs[runs["head"] != BASELINE]  # the baseline does not see labels
     for fact, of in (("mesh_sha256", runs), ("num_parts", labelled), ("label_provider", labelled)):
         if fact in of:
             kinds = of.groupby("shape")[fact].nunique()
             names |= dict.fromkeys(map(str, kinds[kinds > 1].index))
-    return f"Ground truth changed between the runs of: {shortened(sorted(names))}." if names else ""
+    return f"Ground truth changed between the runs of: {shorten(sorted(names))}." if names else ""
 
 
 def _changed_settings(runs: pd.DataFrame) -> str:
-    """Runs that bear one recipe's name and were made with several settings."""
+    """Count the settings that one recipe's runs were made with, where they are several."""
     kinds = runs.groupby("variant")["settings_hash"].nunique() if "settings_hash" in runs else pd.Series(dtype=int)
     return f"Settings changed between the runs: {kinds.max()} kinds are mixed here." if (kinds > 1).any() else ""
 
 
-def measured_on(runs: pd.DataFrame) -> str:
-    """Where seconds and memory come from: they are of one machine or of several, which is said."""
+def describe_machines(runs: pd.DataFrame) -> str:
+    """Name the machines that seconds and memory were measured on; the first words tell one from several."""
     facts = [column for column in ("machine", "device", "threads") if column in runs]
     names = ("", "on ", "threads: ")
     kinds = runs[facts].drop_duplicates().itertuples(index=False) if facts else []

@@ -1,4 +1,4 @@
-"""Result rows -> one table in memory: one line per run and evaluation protocol."""
+"""Result rows as one DataFrame: a line per run and evaluation protocol."""
 
 import logging
 from collections.abc import Collection, Sequence
@@ -6,24 +6,25 @@ from pathlib import Path
 
 import pandas as pd
 
-from jointsdf.runs.csv import read_committed, records
-from jointsdf.runs.row import ResultRow, read_rows
+from jointsdf.runs.csv import read_committed
+from jointsdf.runs.records import flatten_rows
+from jointsdf.runs.row import ResultRow, read_rows, run_key
 
 log = logging.getLogger(__name__)
 
 
 def collect(rows: Sequence[ResultRow]) -> pd.DataFrame:
-    """The rows as a table with the columns of `csv_rows`; NaN for what a run does not have."""
-    return pd.DataFrame(records(rows))
+    """Put the rows into a DataFrame with the columns of `runs.records`; NaN for a missing value."""
+    return pd.DataFrame(flatten_rows(rows))
 
 
-def gather(outputs: Path, results: Path, heads: Collection[str] | None = None) -> list[ResultRow]:
-    """The rows of all runs below a folder, and the committed ones of runs that are not there; problems are logged.
+def load_rows(outputs: Path, results: Path, heads: Collection[str] | None = None) -> list[ResultRow]:
+    """Load the rows of all runs below a folder, and the committed rows of other runs; problems are logged.
 
     Args:
         outputs: Folder of the runs.
         results: Folder of the committed studies; a missing one holds none.
-        heads: Those whose rows are wanted; None for all.
+        heads: Only these heads; None for all.
 
     Raises:
         ValueError: There is no readable row, or none of a head. One line, with the fix.
@@ -32,17 +33,11 @@ def gather(outputs: Path, results: Path, heads: Collection[str] | None = None) -
     committed, more = read_committed(results)
     for problem in problems + more:
         log.warning(problem)
-    here = {identity(row) for row in rows}
-    rows += [row for row in committed if identity(row) not in here]
+    here = {run_key(row) for row in rows}
+    rows += [row for row in committed if run_key(row) not in here]
     if not rows:
         raise ValueError(f"{outputs}: no result rows below it; make one with `python train.py`, or name another folder")
     known = sorted({row.head for row in rows})
     if unknown := [name for name in heads or [] if name not in known]:
         raise ValueError(f"heads: no row of {', '.join(unknown)!r}; there are rows of {', '.join(known)}")
     return rows if heads is None else [row for row in rows if row.head in heads]
-
-
-def identity(row: ResultRow) -> tuple[str, ...]:
-    """What tells a run from another one; two rows of the same run never share a table."""
-    names = (row.study, row.variant, row.recipe, row.head, row.shape, str(row.seed))
-    return (*names, str(row.provenance.get("label_provider")))

@@ -1,22 +1,21 @@
-"""A study's rows as one file to be committed, `results/<study>/runs.csv`: whoever has it need not run them again."""
+"""Merge a study's rows into one file to be committed, `results/<study>/runs.csv`, from which any clone reuses them."""
 
 from pathlib import Path
 
 from jointsdf.runs.csv import FILE, rows_from_csv, rows_to_csv
 from jointsdf.runs.files import write_atomically
-from jointsdf.runs.row import ResultRow, read_rows
-from jointsdf.study.collect import identity
+from jointsdf.runs.row import ResultRow, read_rows, run_key
 
 
 def commit_rows(study: Path, results: Path) -> tuple[Path, int, list[str]]:
-    """Write the study's rows, beside those in the file that have no run here, e.g. of another machine.
+    """Merge the study's rows into its committed file; rows of runs that are not here, e.g. of another machine, stay.
 
     Args:
         study: The study's folder, `<outputs>/<study>`.
         results: Folder of the committed studies.
 
     Returns:
-        The file, how many rows it holds, and a line for each row that was left out.
+        The file, the number of its rows, and a line for each row that was left out.
 
     Raises:
         ValueError: There is no row, or the file is damaged. One line, with the fix.
@@ -26,11 +25,11 @@ def commit_rows(study: Path, results: Path) -> tuple[Path, int, list[str]]:
     merged: dict[tuple[str, ...], ResultRow] = {}
     if path.is_file():
         try:
-            merged = {identity(row): row for row in rows_from_csv(path.read_text(encoding="utf-8"))}
+            merged = {run_key(row): row for row in rows_from_csv(path.read_text(encoding="utf-8"))}
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
     if not rows:
         raise ValueError(f"{study}: no result rows below it; `python train.py sweeps={study.name}` makes them")
-    merged |= {identity(row): row for row in rows}
+    merged |= {run_key(row): row for row in rows}
     write_atomically(path, rows_to_csv(list(merged.values())))
     return path, len(merged), problems

@@ -1,14 +1,14 @@
-"""A LaTeX document of all tables and figures, and its PDF where there is a TeX."""
+"""LaTeX document of all tables and figures, compiled to a PDF by the TeX installed."""
 
 import shutil
 import subprocess
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from jointsdf.study.comparisons import Group
+from jointsdf.study.groups import Group
 from jointsdf.study.tables.latex import escape
 
-REPORT = "report.tex"
+DOCUMENT = "report.tex"
 ENGINES = ("pdflatex", "lualatex", "xelatex", "tectonic")
 PREAMBLE = r"""\documentclass[10pt]{article}
 \usepackage[T1]{fontenc}
@@ -26,8 +26,8 @@ PREAMBLE = r"""\documentclass[10pt]{article}
 """
 
 
-def report(groups: Iterable[Group], parts: Iterable[Path], names: Sequence[str]) -> str:
-    """The document: a section per group of comparable runs, with its tables and figures.
+def build_document(groups: Iterable[Group], parts: Iterable[Path], names: Sequence[str]) -> str:
+    """LaTeX source with a section per group of comparable runs, of its tables and figures.
 
     Args:
         groups: In the order of the sections.
@@ -46,11 +46,14 @@ def report(groups: Iterable[Group], parts: Iterable[Path], names: Sequence[str])
     return PREAMBLE + "\n\n".join(sections) + "\n\\end{document}\n"
 
 
-def compile_report(path: Path) -> Path:
-    """Make the PDF of a document beside it.
+def compile_pdf(path: Path) -> Path:
+    """Compile a document to a PDF in its folder.
+
+    Returns:
+        The PDF.
 
     Raises:
-        ValueError: There is no TeX, or it fails. One line, with the fix.
+        ValueError: No TeX is installed, or it fails. One line, with the fix.
     """
     engine = next((name for name in ENGINES if shutil.which(name)), None)
     if engine is None:

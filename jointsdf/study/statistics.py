@@ -1,4 +1,4 @@
-"""Averages, paired tests and correlations that say what they are over. NaN is a missing value, never 0."""
+"""Averages, paired tests and correlations, each with its sample size. NaN is a missing value, never 0."""
 
 import math
 import statistics
@@ -10,6 +10,9 @@ import pandas as pd
 from jaxtyping import Float
 from numpy import ndarray
 from scipy import stats
+
+CONFIDENCE = 0.95
+ROUNDING = 1e-12  # relative spread below which numbers count as equal
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,11 @@ class Summary:
 
 
 def summarise(values: Iterable[float]) -> Summary:
-    """Summarise one value per shape; NaN are left out and not counted."""
+    """Mean and sample standard deviation of one value per shape; NaN are left out and not counted.
+
+    >>> summarise([1.0, math.nan, 3.0, 5.0])
+    Summary(n=3, mean=3.0, std=2.0)
+    """
     present = [value for value in values if not math.isnan(value)]
     if not present:
         return Summary(0, math.nan, math.nan)
@@ -43,7 +50,7 @@ def per_shape(runs: pd.DataFrame, metric: str) -> dict[str, float]:
 
 
 def pooled_deviation(runs: pd.DataFrame, metric: str) -> tuple[int, float]:
-    """Number of shapes with several runs (seeds), and the standard deviation over those, pooled; NaN for none."""
+    """Number of shapes with several runs (seeds), and their pooled standard deviation over those; NaN for none."""
     if metric not in runs:
         return 0, math.nan
     by_shape = runs.dropna(subset=metric).groupby("shape")[metric]
@@ -53,7 +60,7 @@ def pooled_deviation(runs: pd.DataFrame, metric: str) -> tuple[int, float]:
 
 
 def common_shapes(runs: pd.DataFrame) -> tuple[list[str], dict[str, list[str]]]:
-    """Split the shapes into those that every head has a run of, and the others.
+    """Separate the shapes that every head has a run of from the others.
 
     Returns:
         The common shapes, sorted; and for each other shape the heads without it.
@@ -67,8 +74,8 @@ def common_shapes(runs: pd.DataFrame) -> tuple[list[str], dict[str, list[str]]]:
 
 
 @dataclass(frozen=True)
-class Paired:
-    """A method against a baseline on the same shapes.
+class PairedTests:
+    """Paired tests of a method against a baseline on the same shapes.
 
     Attributes:
         n: Shapes on which both have the number.
@@ -87,21 +94,34 @@ class Paired:
     p_wilcoxon: float
 
 
-def paired(method: Mapping[str, float], baseline: Mapping[str, float]) -> Paired:
-    """Compare two methods by their values per shape; a shape that either lacks is left out."""
+def paired_tests(method: Mapping[str, float], baseline: Mapping[str, float]) -> PairedTests:
+    """Paired t-test and Wilcoxon's signed-rank test of two methods' values per shape.
+
+    A shape without a value of either method is left out.
+
+    >>> found = paired_tests({"a": 2.0, "b": 4.0, "c": 6.0}, {"a": 1.0, "b": 2.0, "c": 3.0})
+    >>> found.n, found.delta, round(found.p_t, 4), found.p_wilcoxon
+    (3, 2.0, 0.0742, 0.25)
+    """
     differences = np.array([value - baseline.get(shape, math.nan) for shape, value in method.items()])
     differences = differences[~np.isnan(differences)]
     n = len(differences)
     delta = float(differences.mean()) if n else math.nan
-    if n < 2 or np.ptp(differences) <= 1e-12 * abs(delta):
-        return Paired(n, delta, math.nan, math.nan, math.nan, _wilcoxon(differences))
+    if n < 2 or np.ptp(differences) <= ROUNDING * abs(delta):
+        return PairedTests(n, delta, math.nan, math.nan, math.nan, _wilcoxon(differences))
     test = stats.ttest_1samp(differences, 0.0)
-    low, high = test.confidence_interval(0.95)
-    return Paired(n, delta, float(low), float(high), float(test.pvalue), _wilcoxon(differences))
+    low, high = test.confidence_interval(CONFIDENCE)
+    return PairedTests(n, delta, float(low), float(high), float(test.pvalue), _wilcoxon(differences))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Holm's correction of a family of p values; NaN stay NaN and are not counted."""
+    """Holm's step-down correction of a family of p values; NaN stay NaN and are not counted.
+
+    Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6 (1979).
+
+    >>> [round(p, 3) for p in holm([0.01, 0.04, 0.03, 0.005])]
+    [0.03, 0.06, 0.06, 0.02]
+    """
     order = sorted((p, place) for place, p in enumerate(p_values) if not math.isnan(p))
     corrected = [math.nan] * len(p_values)
     least = 0.0
@@ -121,23 +141,24 @@ class Correlation:
 
 
 def pearson(pairs: Iterable[tuple[float, float]]) -> Correlation:
-    """Correlate two numbers; a pair with a missing one is left out."""
+    """Pearson's correlation of pairs; a pair with a missing number is left out."""
     present = np.array([pair for pair in pairs if not any(map(math.isnan, pair))]).reshape(-1, 2)
     spread = np.ptp(present, axis=0) if len(present) else np.zeros(2)
-    if len(present) < 3 or (spread <= 1e-12 * np.abs(present).max(axis=0)).any():
+    if len(present) < 3 or (spread <= ROUNDING * np.abs(present).max(axis=0)).any():
         return Correlation(len(present), math.nan, math.nan)
     r, p = stats.pearsonr(*present.T)
     return Correlation(len(present), float(r), float(p))
 
 
 def outer_quarters(keys: Mapping[str, float]) -> tuple[list[str], list[str]]:
-    """The quarter of the shapes with the lowest keys, rounded down, and that with the highest; without missing keys."""
+    """The quarters of the shapes with the lowest and with the highest keys; sizes rounded down, NaN keys left out."""
     order = sorted((key, shape) for shape, key in keys.items() if not math.isnan(key))
     size = len(order) // 4
     return [shape for _, shape in order[:size]], [shape for _, shape in order[len(order) - size :]]
 
 
 def _wilcoxon(differences: Float[ndarray, " n"]) -> float:
+    """Two-sided p of Wilcoxon's signed-rank test (Wilcoxon 1945)."""
     if len(differences) < 2 or not differences.any():
         return math.nan
     return float(stats.wilcoxon(differences).pvalue)

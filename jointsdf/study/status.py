@@ -1,4 +1,4 @@
-"""How a study stands: a grid of heads by shapes for each variant, what failed and why, and how long the rest takes."""
+"""Status of a study as text: per variant a grid of heads by shapes, failures with their reasons, time left."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -6,13 +6,13 @@ from pathlib import Path
 from statistics import fmean
 
 from jointsdf.runs.row import ROW_FILE, read_row
-from jointsdf.runs.status import TRACEBACK, RunState, duration, planned, state
+from jointsdf.runs.status import TRACEBACK, RunState, duration, planned_runs, read_state
 
 COUNTED = ("done", "running", "failed", "damaged", "stopped", "missing")
 
 
-def status(study: Path) -> str:
-    """How the study's runs stand, as text for a terminal.
+def format_status(study: Path) -> str:
+    """Status of the study's runs, as text for a terminal.
 
     Args:
         study: Its folder, `<outputs>/<study>`.
@@ -20,10 +20,10 @@ def status(study: Path) -> str:
     Raises:
         ValueError: There are no runs in it. One line, with the fix.
     """
-    folders = dict.fromkeys([*planned(study), *sorted(study.glob("*/*/*/seed*"))])
+    folders = dict.fromkeys([*planned_runs(study), *sorted(study.glob("*/*/*/seed*"))])
     if not folders:
         raise ValueError(f"{study}: no runs there; `python train.py sweeps={study.name}` starts a stored sweep")
-    states = {folder: state(folder) for folder in folders}
+    states = {folder: read_state(folder) for folder in folders}
     cells = {folder: _cell(found) for folder, found in states.items()}
     kinds: Counter[str] = Counter(found.kind for found in states.values())
     seconds: list[float] = []
@@ -46,6 +46,7 @@ def status(study: Path) -> str:
 
 
 def _cell(found: RunState) -> str:
+    """A run's state in a few characters."""
     share = f"{100 * found.step // found.steps}%" if found.steps else ""
     if found.kind == "missing":
         return "-"

@@ -10,7 +10,7 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 
 from jointsdf.phases import tell
-from jointsdf.runs.status import report
+from jointsdf.runs.status import note_progress
 from jointsdf.training.checkpoints import TrainingClock
 
 SCREEN_SECONDS, FILE_SECONDS = 0.2, 5.0  # between two updates
@@ -70,5 +70,5 @@ class StatusFile(Callback):
             self._write(trainer)
 
     def _write(self, trainer: Trainer) -> None:
-        report(self.folder, trainer.global_step, trainer.max_steps, self.clock.seconds)
+        note_progress(self.folder, trainer.global_step, trainer.max_steps, self.clock.seconds)
         self.updated_at = time.monotonic()

@@ -1,4 +1,4 @@
-"""Pictures and mesh files of part-labelled meshes, made on the CPU.
+"""Viewing: pictures, mesh files and TensorBoard arrays of part-labelled meshes, made on the CPU.
 
-`palette` gives each part its colour everywhere, `render` makes pictures, `export` writes files and TensorBoard arrays.
+`palette` has the colour of each part, `raycast` and `render` make pictures, `export` writes files and arrays.
 """

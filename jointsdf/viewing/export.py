@@ -1,4 +1,4 @@
-"""Part-labelled meshes as files that other programs open in part colours, and as arrays for TensorBoard."""
+"""Export of part-labelled meshes in part colours: PLY and GLB files, arrays for TensorBoard."""
 
 import io
 from pathlib import Path
@@ -18,14 +18,14 @@ TENSORBOARD_VERTICES = 65_535  # its page stores vertex indices as 16-bit intege
 
 
 def write_mesh(folder: Path, mesh: LabelledMesh) -> None:
-    """Write `mesh.ply`, `mesh.glb` and `labels.npy`; none of them is ever half-written.
+    """Write `mesh.ply`, `mesh.glb` and `labels.npy`, each atomically.
 
     `mesh.ply` has float64 vertices and, per face, a colour and an integer `label`. `mesh.glb` has one named node and
     material per part. `labels.npy` is int64 in the face order of both `mesh` and `mesh.ply`. An empty mesh has no
     `mesh.glb`: the format cannot hold one, and an older one is removed.
 
     Args:
-        folder: Where; made if it does not exist.
+        folder: Created where missing.
         mesh: File frame; labels below 2^31.
     """
     write_atomically(folder / "mesh.ply", ply_bytes(mesh))
@@ -41,23 +41,23 @@ def write_mesh(folder: Path, mesh: LabelledMesh) -> None:
 def tensorboard_mesh(
     mesh: LabelledMesh,
 ) -> tuple[Float32[ndarray, "1 v 3"], UInt8[ndarray, "1 v 3"], Int32[ndarray, "1 f 3"]]:
-    """Vertices, vertex colours and faces for `SummaryWriter.add_mesh`; centred, the longest side 2.
+    """Vertices, vertex colours and faces for `SummaryWriter.add_mesh`; centred, longest side 2.
 
-    Vertices at part borders are doubled, so that each face has its part's colour.
+    Vertices at part borders are duplicated, so that each face has its part's colour.
 
     Args:
         mesh: Not empty.
 
     Raises:
-        ValueError: More vertices than TensorBoard can show.
+        ValueError: More vertices than TensorBoard can show. One line, with the fix.
     """
     assert not mesh.is_empty, "TensorBoard cannot show an empty mesh"
-    split, faces = np.unique(_corners(mesh), return_inverse=True)
-    if len(split) > TENSORBOARD_VERTICES:
+    corners, faces = np.unique(_corners(mesh), return_inverse=True)
+    if len(corners) > TENSORBOARD_VERTICES:
         raise ValueError(
-            f"{len(split)} vertices: TensorBoard shows at most {TENSORBOARD_VERTICES}; extract at a lower resolution"
+            f"{len(corners)} vertices: TensorBoard shows at most {TENSORBOARD_VERTICES}; extract at a lower resolution"
         )
-    part, vertex = np.divmod(split, len(mesh.vertices))
+    part, vertex = np.divmod(corners, len(mesh.vertices))
     vertices = mesh.vertices[vertex]
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     vertices = (vertices - (low + high) / 2) * (2 / (high - low).max())
@@ -66,12 +66,12 @@ def tensorboard_mesh(
 
 
 def fits_tensorboard(mesh: LabelledMesh) -> bool:
-    """Whether `tensorboard_mesh` takes the mesh."""
+    """True if TensorBoard can show the mesh; see `tensorboard_mesh`."""
     return len(np.unique(_corners(mesh))) <= TENSORBOARD_VERTICES
 
 
 def _corners(mesh: LabelledMesh) -> Int[ndarray, " c"]:
-    """One number per corner of each face, the same for those that share vertex and label."""
+    """A key per corner of each face, equal for corners that share vertex and label."""
     return np.repeat(mesh.labels - UNLABELLED, 3) * len(mesh.vertices) + mesh.faces.reshape(-1)
 
 
@@ -102,7 +102,7 @@ def glb_bytes(mesh: LabelledMesh) -> bytes:
 
 
 def _linear(part: int) -> UInt8[ndarray, "4"]:
-    """A part's colour without the sRGB curve, as glTF stores material colours."""
+    """Linear colour (RGBA) of a part, as glTF stores material colours: the inverse sRGB curve (IEC 61966-2-1)."""
     srgb = part_colours(np.array([part]))[0] / 255
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     return np.append(np.rint(255 * linear), 255).astype(np.uint8)

@@ -1,7 +1,7 @@
-"""One fixed colour per part id, the same in every picture and file.
+"""Palette: one fixed colour per part id in every picture and file.
 
-The colours were chosen by a greedy search for the largest smallest distance in CIELAB, with normal, protanopic and
-deuteranopic sight: neighbouring ids differ in lightness as well as in hue.
+Chosen by greedy max-min search of the distance in CIELAB under normal, protanopic and deuteranopic vision; neighbouring
+ids differ in lightness and in hue.
 """
 
 import numpy as np
@@ -23,6 +23,9 @@ def part_colours(labels: Int[ndarray, " n"]) -> UInt8[ndarray, "n 3"]:
 
     Args:
         labels: Original part ids, -1 where unlabelled.
+
+    >>> part_colours(np.array([0, -1])).tolist()
+    [[75, 143, 208], [214, 214, 214]]
     """
     cycle, index = np.divmod(labels, len(COLOURS))
     mix = ROUNDS[cycle % len(ROUNDS)][:, None]

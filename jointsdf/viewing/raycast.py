@@ -1,4 +1,4 @@
-"""What an orthographic camera sees of a mesh: one ray per pixel, on the CPU by Embree."""
+"""Ray casting of a mesh by an orthographic camera: one ray per pixel, on the CPU by Embree."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,10 @@ from numpy import ndarray
 from jointsdf.values import LabelledMesh
 
 MARGIN = 1.06  # of the frame around the mesh
-CREASE = np.cos(np.radians(35.0))  # faces that meet at a wider angle are not shaded as one smooth surface
+CREASE = np.cos(np.radians(35.0))  # cosine; normals are not averaged across faces that differ by more than this angle
+START = 10  # pixels from the rays' origins to the nearest point of the mesh
+LEAST_AREA = 1e-9  # pixels^2, of twice a projected triangle that is divided by
+SHORTEST_SUM, TINY = 1e-12, 1e-30  # least lengths of summed normals and of cross products that are divided by
 
 
 @dataclass(frozen=True)
@@ -40,10 +43,10 @@ class Camera:
 
 @dataclass(frozen=True)
 class Hits:
-    """What each pixel sees first. Entries of pixels that see nothing are zero.
+    """First hit of each pixel's ray. Entries of pixels without a hit are zero.
 
     Attributes:
-        faces: Index of the face, -1 where nothing is seen.
+        faces: Index of the face, -1 without a hit.
         normals: Smooth unit normal towards the viewer, camera axes (right, up, away).
         slopes: Change of depth per pixel to the right and downwards on the face.
         depths: Distance behind the middle of the picture, pixels.
@@ -56,15 +59,15 @@ class Hits:
 
     @property
     def seen(self) -> Bool[ndarray, "h w"]:
-        """Pixels that see the mesh."""
+        """Pixels with a hit."""
         return self.faces >= 0
 
 
-def frame(mesh: LabelledMesh, width: int, height: int, azimuth: float, elevation: float) -> Camera:
-    """The camera that shows a mesh as large as it fits.
+def fit_camera(mesh: LabelledMesh, width: int, height: int, azimuth: float, elevation: float) -> Camera:
+    """Fit the camera to a mesh, up to a margin.
 
     Args:
-        mesh: What must fit in the picture, file frame.
+        mesh: Not empty, file frame.
         width: Pixels.
         height: Pixels.
         azimuth: Of the viewer about +z, from +x, degrees.
@@ -80,8 +83,8 @@ def frame(mesh: LabelledMesh, width: int, height: int, azimuth: float, elevation
     return Camera(axes, (low + high) / 2 @ axes, float(pixel), width, height)
 
 
-def cast(mesh: LabelledMesh, camera: Camera) -> Hits:
-    """The first face under each pixel of the camera, with normal, slope and depth."""
+def cast_rays(mesh: LabelledMesh, camera: Camera) -> Hits:
+    """Cast a ray through each pixel of the camera; face, normal, slope and depth of the first hit."""
     vertices = camera.project(mesh.vertices)
     corners = vertices[mesh.faces]
     faces = _first_faces(vertices, mesh.faces, camera)
@@ -91,7 +94,7 @@ def cast(mesh: LabelledMesh, camera: Camera) -> Hits:
     weights, depth, slope = _on_faces(corners[ids], x, y)
     shown, compact = np.unique(ids, return_inverse=True)
     smooth = np.einsum("nc,ncd->nd", weights, _corner_normals(corners, mesh.faces, shown)[compact])
-    smooth /= np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), 1e-12)
+    smooth /= np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), SHORTEST_SUM)
     smooth *= np.where(smooth[:, 2:] > 0, -1, 1)
     size = (camera.height, camera.width)
     normals, slopes, depths = np.zeros((*size, 3)), np.zeros((*size, 2)), np.zeros(size)
@@ -102,12 +105,13 @@ def cast(mesh: LabelledMesh, camera: Camera) -> Hits:
 def _first_faces(
     vertices: Float[ndarray, "v 3"], triangles: Int[ndarray, "f 3"], camera: Camera
 ) -> Int[ndarray, "h w"]:
+    """Index of the first face on each pixel's ray, -1 without one; vertices from `Camera.project`."""
     scene = EmbreeScene()
     TriangleMesh(scene, vertices.astype(np.float32), triangles.astype(np.int32))
     x = np.arange(camera.width) + 0.5 - camera.width / 2
     y = camera.height / 2 - np.arange(camera.height) - 0.5
     origins = np.zeros((camera.height, camera.width, 3), dtype=np.float32)
-    origins[..., 0], origins[..., 1], origins[..., 2] = x, y[:, None], vertices[triangles, 2].min() - 10
+    origins[..., 0], origins[..., 1], origins[..., 2] = x, y[:, None], vertices[triangles, 2].min() - START
     directions = np.broadcast_to(np.array([0, 0, 1], dtype=np.float32), origins.shape).reshape(-1, 3).copy()
     faces: ndarray = scene.run(origins.reshape(-1, 3), directions).astype(np.int64)
     return faces.reshape(camera.height, camera.width)
@@ -119,7 +123,7 @@ def _on_faces(
     """Barycentric weights and depth of the points (x, y) of faces, and the depth's slope per pixel right and down."""
     (ax, ay, az), (bx, by, bz) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
     area = ax * by - ay * bx
-    area = np.where(np.abs(area) < 1e-9, 1e-9, area)
+    area = np.where(np.abs(area) < LEAST_AREA, LEAST_AREA, area)
     dx, dy = x - corners[:, 0, 0], y - corners[:, 0, 1]
     second, third = (dx * by - dy * bx) / area, (ax * dy - ay * dx) / area
     weights = np.clip(np.stack([1 - second - third, second, third], axis=1), 0, 1)
@@ -130,9 +134,9 @@ def _on_faces(
 def _corner_normals(
     corners: Float[ndarray, "f 3 3"], faces: Int[ndarray, "f 3"], shown: Int[ndarray, " s"]
 ) -> Float[ndarray, "s 3 3"]:
-    """Area-weighted mean normal at the three corners of the shown faces, over adjacent faces not beyond a crease."""
+    """Area-weighted mean normal at the three corners of the shown faces, over adjacent faces within `CREASE`."""
     weighted = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    unit = weighted / np.maximum(np.linalg.norm(weighted, axis=1, keepdims=True), 1e-30)
+    unit = weighted / np.maximum(np.linalg.norm(weighted, axis=1, keepdims=True), TINY)
     order = np.argsort(faces, axis=None, kind="stable")
     starts = np.searchsorted(faces.reshape(-1)[order], np.arange(faces.max() + 2))
     vertices = faces[shown].reshape(-1)
@@ -144,4 +148,4 @@ def _corner_normals(
     corner, other = corner[smooth], other[smooth]
     sums = [np.bincount(corner, weighted[other, axis], minlength=len(vertices)) for axis in range(3)]
     normals: ndarray = np.stack(sums, axis=1).reshape(-1, 3, 3)
-    return normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-30)
+    return normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), TINY)

@@ -1,4 +1,4 @@
-"""Pictures of part-labelled meshes: part colours, soft light, dark lines at part borders, creases and outlines."""
+"""Rendering of part-labelled meshes: part colours, soft light, lines at part borders, creases and outlines."""
 
 from pathlib import Path
 
@@ -11,14 +11,16 @@ from scipy.ndimage import maximum_filter
 from jointsdf.runs.files import replacing
 from jointsdf.values import LabelledMesh
 from jointsdf.viewing.palette import part_colours
-from jointsdf.viewing.raycast import Hits, cast, frame
+from jointsdf.viewing.raycast import Hits, cast_rays, fit_camera
 
 INK = np.array([28.0, 30.0, 36.0])
 LIGHTS = (((-0.45, 0.65, -0.62), 0.58), ((0.75, 0.1, -0.65), 0.22))  # towards the light (right, up, away), strength
 AMBIENT = 0.42
 OUTLINE, BORDER, CREASE = 1.0, 0.85, 0.42  # how dark each kind of line is
 CREASE_COSINE = np.cos(np.radians(30.0))
-JUMP = 3.0  # pixels of the finished picture in depth between neighbours that make an outline
+JUMP = 3.0  # step in depth between neighbours from which there is an outline, pixels of the finished picture
+BRIGHTEST = 1.08  # largest factor of light on a colour
+FALLOFF = 1.5  # exponent of half-Lambert shading
 
 
 def render(
@@ -32,10 +34,10 @@ def render(
     framed: LabelledMesh | None = None,
     colours: UInt8[ndarray, "f 3"] | None = None,
 ) -> UInt8[ndarray, "h w 3"]:
-    """A picture of a mesh in part colours on white; the word "empty" for a mesh without faces.
+    """Render a mesh in part colours on white; the word "empty" for a mesh without faces.
 
     Args:
-        mesh: What to show, +z up.
+        mesh: File frame, +z up.
         width: Pixels.
         height: Pixels.
         supersampling: Rays per pixel along each axis.
@@ -47,15 +49,15 @@ def render(
     if mesh.is_empty:
         return _notice("empty", width, height)
     fitted = mesh if framed is None or framed.is_empty else framed
-    camera = frame(fitted, width * supersampling, height * supersampling, azimuth, elevation)
-    hits = cast(mesh, camera)
+    camera = fit_camera(fitted, width * supersampling, height * supersampling, azimuth, elevation)
+    hits = cast_rays(mesh, camera)
     fine = _shade(part_colours(mesh.labels) if colours is None else colours, hits)
     fine += (INK - fine) * _lines(mesh, hits, supersampling)[..., None]
     pixels = fine.reshape(height, supersampling, width, supersampling, 3).mean(axis=(1, 3))
     return np.rint(pixels).astype(np.uint8)
 
 
-def compare(
+def render_comparison(
     truth: LabelledMesh,
     predicted: LabelledMesh,
     *,
@@ -66,7 +68,7 @@ def compare(
     azimuth: float = -52.0,
     elevation: float = 28.0,
 ) -> UInt8[ndarray, "h w 3"]:
-    """Ground truth and prediction side by side, by the same camera, fitted to the ground truth.
+    """Render ground truth and prediction side by side with one camera, fitted to the ground truth.
 
     Args:
         truth: Left picture, file frame.
@@ -96,10 +98,10 @@ def compare(
 
 
 def write_png(path: Path, image: UInt8[ndarray, "h w 3"]) -> None:
-    """Write a picture so that the file is never half-written.
+    """Write a picture atomically.
 
     Args:
-        path: Of the png file.
+        path: Of the PNG file.
         image: sRGB.
     """
     with replacing(path) as temporary:
@@ -107,23 +109,24 @@ def write_png(path: Path, image: UInt8[ndarray, "h w 3"]) -> None:
 
 
 def _shade(colours: UInt8[ndarray, "f 3"], hits: Hits) -> Float[ndarray, "h w 3"]:
+    """Half-Lambert shading (Mitchell et al., "Shading in Valve's Source engine", 2006) under `LIGHTS`."""
     normals = hits.normals[hits.seen]
     light = np.full(len(normals), AMBIENT)
     for direction, strength in LIGHTS:
         towards = normals @ (np.array(direction) / np.linalg.norm(direction))
-        light += strength * (0.5 + 0.5 * towards) ** 1.5
+        light += strength * (0.5 + 0.5 * towards) ** FALLOFF
     picture = np.full((*hits.faces.shape, 3), 255.0)
-    picture[hits.seen] = np.minimum(colours[hits.faces[hits.seen]] * np.minimum(light, 1.08)[:, None], 255.0)
+    picture[hits.seen] = np.minimum(colours[hits.faces[hits.seen]] * np.minimum(light, BRIGHTEST)[:, None], 255.0)
     return picture
 
 
 def _lines(mesh: LabelledMesh, hits: Hits, width: int) -> Float[ndarray, "h w"]:
-    """How much ink each pixel gets, 0..1, from the differences between neighbouring pixels.
+    """Ink of each pixel, 0..1, by edge detection: differences of part, normal and depth between neighbouring pixels.
 
     Args:
-        mesh: What was seen.
-        hits: What each pixel sees.
-        width: By how many pixels lines grow from the two pixels that they separate.
+        mesh: The mesh of the hits.
+        hits: First hit of each pixel.
+        width: Pixels by which lines grow from the two pixels that they separate.
     """
     ink = np.zeros(hits.faces.shape)
     labels = mesh.labels[hits.faces]

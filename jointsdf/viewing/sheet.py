@@ -1,4 +1,4 @@
-"""A contact sheet of shapes in part colours: `python -m jointsdf.viewing.sheet abc docs/benchmark.png`."""
+"""Contact sheet of shapes in part colours: `python -m jointsdf.viewing.sheet abc docs/benchmark.png`."""
 
 import argparse
 import os
@@ -20,7 +20,7 @@ CATALOGUES = {"abc": lambda: list(abc.catalogue()), "part": builtin.part_names}
 
 
 def contact_sheet(shown: Sequence[Shape]) -> UInt8[ndarray, "h w 3"]:
-    """Thumbnails of shapes, row by row, each under its name and number of parts."""
+    """Draw thumbnails of shapes, row by row, each under its name and number of parts."""
     rows = -(-len(shown) // COLUMNS)
     sheet = Image.new("RGB", (WIDTH * COLUMNS, (HEIGHT + CAPTION) * rows), "white")
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(12)
@@ -32,7 +32,7 @@ def contact_sheet(shown: Sequence[Shape]) -> UInt8[ndarray, "h w 3"]:
 
 
 def main() -> None:
-    """Draw a catalogue with the labels that a run takes by default."""
+    """Draw a catalogue of shapes with their default labels."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("catalogue", choices=sorted(CATALOGUES))
     parser.add_argument("picture", type=Path, help="PNG to write")

@@ -1,4 +1,4 @@
-"""Sides from points alone: never wrong where they are given, given wherever walls are thick enough."""
+"""Signs from points alone: never wrong where they are given, given wherever walls are thick enough."""
 
 import numpy as np
 import pytest
@@ -7,12 +7,9 @@ from analytic import box_distance
 from clouds import cloud_of
 from scipy.ndimage import label
 
-from jointsdf.data.free_space import FINEST, LEAST_CELLS, FreeSpace
-from jointsdf.data.point_cloud import Cloud, stream
-from jointsdf.data.sampler import Counts
-from jointsdf.data.samples import SampleSettings, prepare_samples
-from jointsdf.errors import InputError
-from jointsdf.values import BOX, Shape
+from jointsdf.data.free_space import LEAST_INSIDE_CELLS, MOST_CELLS, FreeSpace
+from jointsdf.data.point_cloud import stream
+from jointsdf.values import BOX
 
 
 def probes(count: int = 40000) -> np.ndarray:
@@ -39,7 +36,7 @@ def test_a_plate_is_outside_on_both_sides_and_inside_only_where_it_is_thick(thic
     height = np.abs(points[:, 2]) - thickness / 2 / cloud.normalisation.scale
     assert ((signs < 0) <= (height < 0)).all()
     assert (signs[(signs != 0) & (height >= 0)] > 0).all()
-    assert (signs[height > 2 * space.reach] == 1).all(), "above and below it is outside, and that is told"
+    assert (signs[height > 2 * space.reach] == 1).all(), "certain above and below"
     assert (signs < 0).any() == (thickness > 0.1)
 
 
@@ -50,7 +47,7 @@ def test_a_tube_is_outside_within() -> None:
 
 
 @pytest.mark.parametrize("extents", [(2, 2, 0.01), (2, 2, 2)], ids=["plate", "cube"])
-def test_empty_balls_tell_sides_nearer_than_free_space_does(extents: tuple[float, float, float]) -> None:
+def test_empty_balls_give_signs_nearer_to_the_surface_than_free_space(extents: tuple[float, float, float]) -> None:
     cloud = cloud_of(trimesh.creation.box(extents))
     space, half = FreeSpace(cloud.points), np.array(extents) / 2 / cloud.normalisation.scale
     centre = cloud.normalisation.forward(np.zeros((1, 3)))
@@ -59,15 +56,17 @@ def test_empty_balls_tell_sides_nearer_than_free_space_does(extents: tuple[float
     exact = box_distance(points - centre, half)
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     steps = [box_distance(points - centre + 1e-4 * axis, half) * np.sign(exact) for axis in axes]
-    signs = space.by_ball(points, axes[np.argmax(steps, axis=0)])  # along the axis that leads away from the surface
+    signs = space.sign_by_empty_ball(
+        points, axes[np.argmax(steps, axis=0)]
+    )  # along the axis that leads away from the surface
     near = space.sign(points) == 0
-    told = near & (signs != 0)
-    np.testing.assert_array_equal(signs[told], np.sign(exact)[told])
-    assert told.sum() > 0.25 * (near & (exact > 0)).sum()
-    assert np.abs(exact[told]).min() < 0.15 * space.reach
+    certain = near & (signs != 0)
+    np.testing.assert_array_equal(signs[certain], np.sign(exact)[certain])
+    assert certain.sum() > 0.25 * (near & (exact > 0)).sum()
+    assert np.abs(exact[certain]).min() < 0.15 * space.reach
 
 
-def test_the_widest_places_of_a_gap_are_not_taken_for_inside() -> None:
+def test_the_widest_places_of_a_gap_do_not_count_as_inside() -> None:
     """A slot about as wide as twice the gaps between points, so that a few cells of it are free."""
     slabs = [trimesh.creation.box((2, 2, 0.5)).apply_translation((0, 0, side * 0.365)) for side in (-1, 1)]
     cloud = cloud_of(trimesh.util.concatenate(slabs))
@@ -76,32 +75,14 @@ def test_the_widest_places_of_a_gap_are_not_taken_for_inside() -> None:
     slot = np.abs((np.arange(space.cells) + 0.5) * 2 * BOX / space.cells - BOX - middle) < 0.05
     assert not (space.signs[:, :, slot] < 0).any()
     assert (space.signs < 0).any()
-    assert np.bincount(label(space.signs < 0)[0].ravel())[1:].min() >= LEAST_CELLS
+    assert np.bincount(label(space.signs < 0)[0].ravel())[1:].min() >= LEAST_INSIDE_CELLS
 
 
 def test_cells_stay_bounded_for_a_dense_cloud() -> None:
     cloud = cloud_of(trimesh.creation.box((2, 0.05, 0.05)), 200_000)
     space = FreeSpace(cloud.points)
-    assert space.cells == FINEST
+    assert space.cells == MOST_CELLS
     signs = space.sign(probes())
     beyond = np.abs(probes()) - np.array([2, 0.05, 0.05]) / 2 / cloud.normalisation.scale
     assert (signs[(signs != 0) & (beyond > 0).any(1)] > 0).all()
     assert (signs != 0)[(beyond > 2 * space.reach).any(1)].all()
-
-
-@pytest.mark.parametrize("count", [2, 8])
-def test_a_cloud_that_leaves_no_free_space_is_refused(count: int, box_shape: Shape) -> None:
-    counts = Counts(manifold=10, non_manifold=10, shell=10, pool=10)
-    with pytest.raises(InputError, match=f"{count} points leave no free space"):
-        prepare_samples(
-            box_shape,
-            Cloud.of(box_shape.mesh, count=count, seed=0),
-            counts,
-            SampleSettings(100, 500, distances="cloud"),
-            0,
-        )
-
-
-def test_an_unknown_source_is_refused() -> None:
-    with pytest.raises(InputError, match=r"data\.distances=guess: accepted are mesh, cloud"):
-        SampleSettings(100, 10, distances="guess")

@@ -4,14 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 from analytic import box_distance
-from clouds import cloud_of, sampler_of
+from clouds import cloud_of
 
-from jointsdf.data import point_cloud, samples
-from jointsdf.data.point_cloud import Cloud, pool_points, stream
-from jointsdf.data.sampler import Counts
+from jointsdf.data.point_cloud import Cloud, stream
 from jointsdf.data.surfels import Surfels
-from jointsdf.geometry.distance import network_distance
-from jointsdf.values import BOX, Samples, Shape
+from jointsdf.values import BOX
 
 
 def surfels_of(cloud: Cloud) -> Surfels:
@@ -36,14 +33,14 @@ def test_sphere() -> None:
     assert np.quantile(cosines, 0.01) > np.cos(np.radians(10))
     assert cosines.min() > 0
     points = near_points(cloud, 0.05)
-    found, told = surfels.signed(points)
+    found, certain = surfels.signed(points)
     exact = np.linalg.norm(points - centre, axis=1) - radius
-    assert told.mean() > 0.95
-    assert np.abs(found - exact)[told].mean() < 5e-4
-    wrong = told & (np.sign(found) != np.sign(exact))
+    assert certain.mean() > 0.95
+    assert np.abs(found - exact)[certain].mean() < 5e-4
+    wrong = certain & (np.sign(found) != np.sign(exact))
     assert wrong.mean() < 0.002
     assert np.abs(exact[wrong]).max() < surfels.radii.max() ** 2 / (2 * radius), "within what a disc cuts off the ball"
-    assert (found[~told] == 0).all()
+    assert (found[~certain] == 0).all()
 
 
 @pytest.mark.parametrize("extents", [(2, 2, 1.2), (2, 2, 0.01), (2, 1.5, 0.004)], ids=["box", "plate", "foil"])
@@ -61,13 +58,13 @@ def test_box_of_any_thickness(extents: tuple[float, float, float]) -> None:
     centre = cloud.normalisation.forward(np.zeros((1, 3)))[0]
     points = near_points(cloud, half[2] * 2 if half[2] < 0.1 else 0.05)
     exact = box_distance(points - centre, half)
-    found, told = surfels.signed(points)
-    amid = told & (np.abs(points - centre)[:, :2] < half[:2] - 0.1).all(axis=1)  # away from the four sides
-    assert told.mean() > 0.75
+    found, certain = surfels.signed(points)
+    amid = certain & (np.abs(points - centre)[:, :2] < half[:2] - 0.1).all(axis=1)  # away from the four sides
+    assert certain.mean() > 0.75
     assert (found[amid] < 0).mean() == pytest.approx((exact[amid] < 0).mean(), abs=0.05)
     assert (np.sign(found) == np.sign(exact))[amid].mean() > 0.95
     assert np.median(np.abs(found - exact)[amid]) < 1e-6
-    assert (np.sign(found) == np.sign(exact))[told].mean() > 0.95
+    assert (np.sign(found) == np.sign(exact))[certain].mean() > 0.95
 
 
 def test_the_sides_of_a_narrow_slot_face_each_other() -> None:
@@ -81,7 +78,7 @@ def test_the_sides_of_a_narrow_slot_face_each_other() -> None:
     assert ((surfels.normals * cloud.normals).sum(axis=1)[known] > 0).mean() > 0.998
 
 
-def test_points_without_a_surface_tell_nothing() -> None:
+def test_scattered_points_have_no_normals_and_no_signs() -> None:
     scattered = stream(3, 0).uniform(-0.9, 0.9, (5000, 3))
     surfels = Surfels(scattered)
     assert surfels.normals.any(axis=1).mean() < 0.02
@@ -98,52 +95,20 @@ def test_points_on_a_line_or_on_one_another_have_no_normal(kind: str) -> None:
     surfels = Surfels(points)
     assert not surfels.normals.any()
     if kind == "rod":
-        distances, told = surfels.signed(near_points(cloud_of(trimesh.creation.icosphere(3, 0.7), 400), 0.1))
-        assert (distances[told] > 0).all(), "nothing is inside a line"
-        assert told.mean() > 0.5
+        distances, certain = surfels.signed(near_points(cloud_of(trimesh.creation.icosphere(3, 0.7), 400), 0.1))
+        assert (distances[certain] > 0).all(), "nothing is inside a line"
+        assert certain.mean() > 0.5
     assert np.isfinite(surfels.signed(near_points(cloud_of(trimesh.creation.icosphere(3, 0.7), 400), 0.1))[0]).all()
 
 
 @pytest.mark.parametrize("count", [2, 3, 5, 12, 17, 25])
-def test_a_few_points_tell_nothing(count: int) -> None:
-    """They leave every side in doubt, so there is no normal, no distance, and no error."""
+def test_too_few_points_have_no_normals_and_no_signs(count: int) -> None:
+    """Every side is in doubt: no normal, no distance, and no error."""
     points = cloud_of(trimesh.creation.icosphere(3, 0.7), count).points
     surfels = Surfels(points)
-    distances, told = surfels.signed(np.zeros((0, 3)))
-    assert distances.shape == told.shape == (0,)
+    distances, certain = surfels.signed(np.zeros((0, 3)))
+    assert distances.shape == certain.shape == (0,)
     assert not surfels.normals.any()
-    distances, told = surfels.signed(stream(4, 0).uniform(-1, 1, (500, 3)))
-    assert not told.any()
+    distances, certain = surfels.signed(stream(4, 0).uniform(-1, 1, (500, 3)))
+    assert not certain.any()
     assert not distances.any()
-
-
-def test_a_run_knows_of_the_cloud_what_its_points_tell(box_shape: Shape) -> None:
-    counts = Counts(manifold=2000, non_manifold=10, shell=10, pool=400)
-    sampler = sampler_of(box_shape, counts, cloud_size=20000, pool_size=5000, region_points=500, distances="cloud")
-    cloud = Cloud.of(box_shape.mesh, count=20000, region_points=500, seed=0)
-    found = sampler.cloud.normals
-    np.testing.assert_array_equal(found[:20000], surfels_of(Cloud.of(box_shape.mesh, count=20000, seed=0)).normals)
-    assert not found[20000:].any(), "of other points than the uniform ones nothing is estimated"
-    assert ((found * cloud.normals).sum(axis=1)[found.any(axis=1)] > 0.9).mean() > 0.99
-    pool = pool_points(cloud, count=5000, near_share=0.5, seed=0)
-    assert len(sampler.pool) > 0.9 * len(pool), "known down to the surface"
-    exact = network_distance(box_shape, cloud.normalisation).signed(sampler.pool)
-    errors = np.abs(sampler.pool_distances - exact)
-    assert np.quantile(errors[np.abs(exact) < 0.03], 0.9) < 1e-6
-    np.testing.assert_allclose(sampler.pool_distances, exact, atol=0.03)
-
-
-def test_with_distances_from_the_cloud_nothing_of_the_mesh_but_points_reaches_a_step(
-    box_shape: Shape, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    counts = Counts(manifold=200, non_manifold=10, shell=100, pool=200, shell_offset=0.01)
-
-    def drawn() -> Samples:
-        return sampler_of(box_shape, counts, cloud_size=5000, pool_size=5000, distances="cloud").draw(3)
-
-    honest = drawn()
-    monkeypatch.setattr(point_cloud, "face_normals", lambda _, faces: np.full((len(faces), 3), np.nan))
-    monkeypatch.setattr(samples, "network_distance", lambda *_: pytest.fail("the mesh was asked"))
-    for one, other in zip(honest, drawn(), strict=True):
-        np.testing.assert_array_equal(one.numpy(), other.numpy())
-    assert honest.normals.any()

@@ -1,4 +1,4 @@
-"""Protocols end to end, and the contract of every metric that the evaluation configuration names."""
+"""Protocols end to end, and the samples that they draw."""
 
 import math
 import os
@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from hydra.utils import instantiate
-from omegaconf import OmegaConf
-from scipy.spatial.transform import Rotation
+from blocks import CONFIG, OFF, PROTOCOLS, TRUTH, block
+from labelled_meshes import EMPTY
 from scipy.stats import chisquare
 
 from jointsdf.errors import InputError
@@ -18,24 +17,10 @@ from jointsdf.metrics import project
 from jointsdf.metrics.chamfer import Chamfer
 from jointsdf.metrics.exact_labels import ExactLabels
 from jointsdf.metrics.f_score import FScore
-from jointsdf.values import LabelledMesh, SurfaceSamples
+from jointsdf.values import LabelledMesh
 
-CONFIG = OmegaConf.load(Path(__file__).parents[2] / "conf" / "evaluation" / "default.yaml")
-PROTOCOLS = instantiate(CONFIG.protocols, _convert_="all")
-METRICS = [(protocol, metric) for protocol in PROTOCOLS for metric in PROTOCOLS[protocol].metrics]
-EMPTY = LabelledMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64))
-BEST = {"cd_l1": 0, "cd_l2": 0, "surface_mean": 0, "surface_p99": 0, "surface_max": 0} | dict.fromkeys(
-    ("nc", "f1", "miou", "acc", "miou_exact", "acc_exact", "boundary_f1"), 1
-)
 FLOORS = {f"{key}_floor" for key in ("cd_l1", "cd_l2", "nc", "f1", "miou", "acc", "consistency")}
 CEILINGS = {f"{key}_ceiling" for key in ("miou_exact", "acc_exact", "boundary_f1")}
-
-
-def block(labels_split=0.0, size=1.0) -> LabelledMesh:
-    """A 3 x 2 x 1 block, finely triangulated, away from the origin; labels 2 and 7 on either side of x = split."""
-    box = trimesh.creation.box(extents=(3 * size, 2 * size, size)).subdivide().subdivide().subdivide().subdivide()
-    labels = np.where(box.triangles_center[:, 0] > labels_split, 7, 2)
-    return LabelledMesh(np.array(box.vertices) + np.array([10.0, 20.0, 30.0]), np.array(box.faces), labels)
 
 
 def without_labels(mesh: LabelledMesh) -> LabelledMesh:
@@ -49,14 +34,8 @@ def small(name: str, points: int = 2000) -> dict[str, Protocol]:
 
 
 def scores(predicted: LabelledMesh, truth: LabelledMesh, ceiling=None, name="unit", points=2000) -> dict[str, float]:
-    judge = GroundTruth(truth, small(name, points))
-    return judge.scores(predicted)[name] | judge.companions(ceiling)[name]
-
-
-TRUTH, OFF = block(), block(labels_split=0.2, size=1.02)
-
-
-# Samples
+    reference = GroundTruth(truth, small(name, points))
+    return reference.scores(predicted)[name] | reference.references(ceiling)[name]
 
 
 def test_samples_lie_in_their_faces_with_their_normals():
@@ -105,94 +84,6 @@ def test_bounding_frame_centres_and_scales_the_used_vertices():
     unit = bounding_frame(mesh).forward(used.vertices)
     np.testing.assert_allclose(unit.max(axis=0), [0.5, 1 / 3, 1 / 6], atol=1e-12)
     np.testing.assert_allclose(unit.min(axis=0), [-0.5, -1 / 3, -1 / 6], atol=1e-12)
-
-
-# The contract of every configured metric
-
-
-@pytest.fixture(params=METRICS, ids=lambda pair: f"{pair[0]}-{pair[1]}")
-def metric(request):
-    protocol, name = request.param
-    return PROTOCOLS[protocol].metrics[name]
-
-
-def unit_samples(mesh: LabelledMesh, seed: int) -> SurfaceSamples:
-    framed = LabelledMesh(bounding_frame(TRUTH).forward(mesh.vertices), mesh.faces, mesh.labels)
-    return sample_surface(framed, 1500, seed)
-
-
-def test_identity_gives_the_best_value(metric):
-    samples = unit_samples(TRUTH, 1)
-    found = metric(samples, samples)
-    assert all(type(value) is float and math.isfinite(value) for value in found.values())
-    for key, value in found.items():
-        best = 1 if key.startswith("iou_") else BEST.get(key)
-        assert best is None or value == pytest.approx(best, abs=1e-9), key
-        assert value == found.get(f"{key}_gt", value), key
-
-
-def test_nothing_predicted_raises_nothing_and_keeps_the_columns(metric):
-    truth = unit_samples(TRUTH, 1)
-    found = metric(sample_surface(EMPTY, 1500, 2), truth)
-    assert found.keys() == metric(truth, truth).keys()
-    assert all(type(value) is float for value in found.values())
-    for key in found.keys() & BEST.keys():
-        assert found[key] == 0 if BEST[key] == 1 and key != "nc" else math.isnan(found[key]), key
-
-
-def reordered(samples: SurfaceSamples, rng: np.random.Generator) -> SurfaceSamples:
-    """The same samples on the same surface, with vertices, faces and corners of each face in another order."""
-    mesh = samples.mesh
-    new_vertex, new_face = rng.permutation(len(mesh.vertices)), rng.permutation(len(mesh.faces))
-    vertices, faces, labels = np.zeros_like(mesh.vertices), np.zeros_like(mesh.faces), np.zeros_like(mesh.labels)
-    vertices[new_vertex] = mesh.vertices
-    faces[new_face] = np.roll(new_vertex[mesh.faces], 1, axis=1)
-    labels[new_face] = mesh.labels
-    return SurfaceSamples(
-        LabelledMesh(vertices, faces, labels), samples.points, samples.normals, new_face[samples.faces]
-    )
-
-
-def test_order_of_vertices_and_faces_is_without_meaning(metric):
-    predicted, truth = unit_samples(OFF, 1), unit_samples(TRUTH, 2)
-    rng = np.random.default_rng(0)
-    found = metric(reordered(predicted, rng), reordered(truth, rng))
-    assert found == pytest.approx(metric(predicted, truth), abs=1e-9)
-
-
-def rotated(samples: SurfaceSamples, rotation: Rotation) -> SurfaceSamples:
-    mesh = LabelledMesh(rotation.apply(samples.mesh.vertices), samples.mesh.faces, samples.mesh.labels)
-    return SurfaceSamples(mesh, rotation.apply(samples.points), rotation.apply(samples.normals), samples.faces)
-
-
-def test_common_rotation_is_without_meaning(metric):
-    predicted, truth = unit_samples(OFF, 1), unit_samples(TRUTH, 2)
-    quarter_turn_only = getattr(metric, "form", None) == "axes"
-    rotation = Rotation.from_euler("xyz", [90, 0, 0] if quarter_turn_only else [20, 40, 70], degrees=True)
-    found = metric(rotated(predicted, rotation), rotated(truth, rotation))
-    assert found == pytest.approx(metric(predicted, truth), abs=1e-9)
-
-
-def test_a_frame_gives_what_moving_the_mesh_gives(metric):
-    frame = bounding_frame(TRUTH)
-    found = metric(sample_surface(OFF, 1500, 1, frame), sample_surface(TRUTH, 1500, 2, frame))
-    assert found == pytest.approx(metric(unit_samples(OFF, 1), unit_samples(TRUTH, 2)), abs=1e-9)
-
-
-def test_metric_leaves_the_samples_alone(metric):
-    predicted, truth = unit_samples(OFF, 1), unit_samples(TRUTH, 2)
-    for samples in (predicted, truth):
-        for array in (samples.points, samples.normals, samples.faces, *vars(samples.mesh).values()):
-            array.setflags(write=False)
-    metric(predicted, truth)
-
-
-def test_metric_has_the_companions_that_it_names(metric):
-    truth = unit_samples(TRUTH, 1)
-    assert {*getattr(metric, "floors", ()), *getattr(metric, "ceilings", ())} <= metric(truth, truth).keys()
-
-
-# Protocols
 
 
 def test_configuration_is_the_specified_protocols():
@@ -300,10 +191,10 @@ def test_bad_settings_are_one_line():
 
 def test_floors_run_only_for_the_metrics_that_ask():
     protocol = {"p": Protocol(name="p", points=100, frame="own", metrics={"a": Chamfer(), "b": ExactLabels()})}
-    judge = GroundTruth(TRUTH, protocol)
-    assert judge.scores(TRUTH)["p"].keys() == {"cd_l1", "cd_l2", "miou_exact", "acc_exact"}
-    companions = {"cd_l1_floor", "cd_l2_floor", "miou_exact_ceiling", "acc_exact_ceiling"}
-    assert judge.companions(TRUTH)["p"].keys() == companions
+    reference = GroundTruth(TRUTH, protocol)
+    assert reference.scores(TRUTH)["p"].keys() == {"cd_l1", "cd_l2", "miou_exact", "acc_exact"}
+    expected = {"cd_l1_floor", "cd_l2_floor", "miou_exact_ceiling", "acc_exact_ceiling"}
+    assert reference.references(TRUTH)["p"].keys() == expected
 
 
 @pytest.mark.skipif("JOINTSDF_ABC" not in os.environ, reason="JOINTSDF_ABC does not name a folder of ABC shapes")
@@ -313,7 +204,7 @@ def test_floors_of_a_real_shape_are_in_the_known_range():
     labels = np.load(folder / "patches.npy").astype(np.int64)
     shape = LabelledMesh(np.array(mesh.vertices), np.array(mesh.faces), labels)
     truth = GroundTruth(shape, {"unit": PROTOCOLS["unit"]})
-    found = truth.companions(None)["unit"] | truth.scores(shape)["unit"]
+    found = truth.references(None)["unit"] | truth.scores(shape)["unit"]
     assert 0.155 <= found["cd_l1_floor"] <= 0.780
     assert found["f1_floor"] == pytest.approx(0.775, abs=0.2)
     assert found["acc_floor"] == pytest.approx(0.977, abs=0.02)

@@ -65,7 +65,7 @@ def test_a_stored_sweep_makes_the_runs_that_it_says(tmp_path, composed, name) ->
     for cfg in composed:
         build.check_config(cfg)
     wanted = [folder_of(cfg) for cfg in composed]
-    assert status.planned(tmp_path / name) == wanted
+    assert status.planned_runs(tmp_path / name) == wanted
     assert len(set(wanted)) == count, "every run has a folder of its own"
 
 

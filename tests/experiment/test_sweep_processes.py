@@ -27,7 +27,7 @@ from jointsdf.runs import status
 from jointsdf.runs.lock import lock
 with lock(Path(sys.argv[1]), wait=False):
     status.begin(Path(sys.argv[1]))
-    status.report(Path(sys.argv[1]), 7, 20, 14.0)
+    status.note_progress(Path(sys.argv[1]), 7, 20, 14.0)
     print("held", flush=True)
     time.sleep(float(sys.argv[2]))
 """
@@ -46,12 +46,12 @@ def held(tmp_path) -> Iterator[subprocess.Popen]:
 
 def test_a_lock_keeps_others_out_and_dies_with_its_process(tmp_path, held) -> None:
     folder = tmp_path / PLACE
-    assert status.state(folder) == status.RunState("running", 7, 20, 14.0)
+    assert status.read_state(folder) == status.RunState("running", 7, 20, 14.0)
     with pytest.raises(Busy), lock(folder, wait=False):
         raise AssertionError("two at once")
     held.send_signal(signal.SIGKILL)
     held.wait()
-    assert status.state(folder) == status.RunState("stopped", 7, 20, 14.0)
+    assert status.read_state(folder) == status.RunState("stopped", 7, 20, 14.0)
     with lock(folder, wait=False):
         assert (folder / ".lock").exists()
     assert not (folder / ".lock").exists()

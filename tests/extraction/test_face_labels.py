@@ -1,11 +1,11 @@
-"""Labels finer than faces: what cutting at the border keeps, and how exact it is."""
+"""Faces cut at part borders: same surface, labels exact to the bisection, finer than the vote."""
 
 import numpy as np
 import pytest
 import trimesh
 from numpy import ndarray
 
-from jointsdf.extraction.face_labels import NEAREST_CUT, majority, split
+from jointsdf.extraction.face_labels import NEAREST_CUT, majority_labels, split_at_borders
 
 
 def areas_by_label(vertices: ndarray, faces: ndarray, labels: ndarray) -> dict[int, float]:
@@ -27,7 +27,7 @@ def octant(points: ndarray) -> ndarray:
 
 
 def test_split_keeps_the_surface_and_closes_it(sphere: trimesh.Trimesh) -> None:
-    vertices, faces, labels = split(
+    vertices, faces, labels = split_at_borders(
         sphere.vertices.view(ndarray), sphere.faces.view(ndarray), octant(sphere.vertices), octant
     )
     cut = trimesh.Trimesh(vertices, faces, process=False)
@@ -42,7 +42,7 @@ def test_split_keeps_the_surface_and_closes_it(sphere: trimesh.Trimesh) -> None:
 
 def test_split_labels_are_exact_to_the_bisection(sphere: trimesh.Trimesh) -> None:
     """On the faces of a plane's side the label changes within an edge's last bisection of the plane."""
-    vertices, faces, labels = split(
+    vertices, faces, labels = split_at_borders(
         sphere.vertices.view(ndarray), sphere.faces.view(ndarray), above(0.3)(sphere.vertices), above(0.3)
     )
     longest = sphere.edges_unique_length.max()
@@ -56,8 +56,8 @@ def test_split_is_finer_than_the_vote(sphere: trimesh.Trimesh) -> None:
     vertices, faces = sphere.vertices.view(ndarray), sphere.faces.view(ndarray)
     at_vertices = above(0.3)(vertices)
     expected = 2 * np.pi * 0.7 / (4 * np.pi)
-    voted = areas_by_label(vertices, faces, majority(vertices, faces, at_vertices, above(0.3)))
-    cut = areas_by_label(*split(vertices, faces, at_vertices, above(0.3)))
+    voted = areas_by_label(vertices, faces, majority_labels(vertices, faces, at_vertices, above(0.3)))
+    cut = areas_by_label(*split_at_borders(vertices, faces, at_vertices, above(0.3)))
     errors = [abs(areas[7] / sum(areas.values()) - expected) for areas in (voted, cut)]
     assert errors[1] < 1e-3
     assert errors[1] < errors[0] / 5
@@ -70,20 +70,25 @@ def test_three_labels_on_one_face_meet_at_its_centroid() -> None:
     def nearest(points: ndarray) -> ndarray:
         return np.linalg.norm(points[:, None] - vertices[None], axis=2).argmin(axis=1) + 10
 
-    new_vertices, new_faces, labels = split(vertices, faces, nearest(vertices), nearest)
+    new_vertices, new_faces, labels = split_at_borders(vertices, faces, nearest(vertices), nearest)
     assert len(new_faces) == 6
     assert len(new_vertices) == 7
     assert sorted(labels) == [10, 10, 11, 11, 12, 12]
     normals = np.cross(*(new_vertices[new_faces[:, i]] - new_vertices[new_faces[:, 0]] for i in (1, 2)))
     assert (normals[:, 2] > 0).all()
     assert normals[:, 2].sum() == pytest.approx(1.0)
-    assert majority(vertices, faces, nearest(vertices), nearest).tolist() == nearest(vertices[None].mean(1)).tolist()
+    assert (
+        majority_labels(vertices, faces, nearest(vertices), nearest).tolist()
+        == nearest(vertices[None].mean(1)).tolist()
+    )
 
 
 def test_one_label_changes_nothing(sphere: trimesh.Trimesh) -> None:
     vertices, faces = sphere.vertices.view(ndarray), sphere.faces.view(ndarray)
     labels = np.full(len(vertices), 4)
-    new_vertices, new_faces, new_labels = split(vertices, faces, labels, lambda points: np.full(len(points), 4))
+    new_vertices, new_faces, new_labels = split_at_borders(
+        vertices, faces, labels, lambda points: np.full(len(points), 4)
+    )
     np.testing.assert_array_equal(new_vertices, vertices)
     np.testing.assert_array_equal(new_faces, faces)
     assert set(new_labels) == {4}
@@ -91,5 +96,5 @@ def test_one_label_changes_nothing(sphere: trimesh.Trimesh) -> None:
 
 def test_an_empty_mesh_stays_empty() -> None:
     vertices, faces = np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
-    pieces = split(vertices, faces, np.zeros(0, dtype=np.int64), above(0.0))
+    pieces = split_at_borders(vertices, faces, np.zeros(0, dtype=np.int64), above(0.0))
     assert [len(piece) for piece in pieces] == [0, 0, 0]

@@ -1,4 +1,4 @@
-"""The grid that a field's own thin walls and gaps need."""
+"""Choice of the grid by the thinnest wall, and its refinement until the topology is stable."""
 
 import json
 import logging
@@ -56,7 +56,7 @@ def slit(width: float) -> Sdf:
 
 
 @pytest.mark.parametrize(("sdf", "resolution"), [(fin(0.9), 48), (slit(0.8), 72)], ids=["fin", "slit"])
-def test_where_a_grid_breaks_a_wall_or_bridges_a_gap_a_finer_one_is_taken(sdf: Sdf, resolution: int) -> None:
+def test_a_grid_that_breaks_a_wall_or_bridges_a_gap_is_refined(sdf: Sdf, resolution: int) -> None:
     assert components_and_euler(Extraction(32).surface(sdf)) != (1, 2), "no test: the coarse grid is fine enough"
     extraction, surface = refine_until_stable(Extraction(32), sdf, LADDER)
     assert extraction == Extraction(resolution)
@@ -64,7 +64,7 @@ def test_where_a_grid_breaks_a_wall_or_bridges_a_gap_a_finer_one_is_taken(sdf: S
     np.testing.assert_array_equal(extraction.surface(sdf).vertices, surface.vertices)
 
 
-def test_a_thin_wall_that_the_next_grid_shows_alike_is_kept(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_grid_stays_if_the_next_one_has_the_same_topology(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     extraction, surface = refine_until_stable(Extraction(32), fin(1.2), LADDER)
     assert extraction == Extraction(32)
@@ -72,7 +72,7 @@ def test_a_thin_wall_that_the_next_grid_shows_alike_is_kept(caplog: pytest.LogCa
     assert "faces are within a cell of another one: compared with 48^3" in caplog.text
 
 
-def test_without_thin_places_the_field_is_asked_for_one_grid_alone() -> None:
+def test_without_thin_places_the_field_is_evaluated_on_one_grid_alone() -> None:
     asked: list[int] = []
 
     def counted(points: np.ndarray) -> np.ndarray:
@@ -86,7 +86,7 @@ def test_without_thin_places_the_field_is_asked_for_one_grid_alone() -> None:
     np.testing.assert_array_equal(surface.faces, once.faces)
 
 
-def test_where_all_is_thin_the_grid_that_holds_it_together_is_taken() -> None:
+def test_a_thin_plate_gets_the_grid_that_holds_it_together() -> None:
     extraction, surface = refine_until_stable(Extraction(32), plate(0.5), LADDER)
     assert extraction == Extraction(72), "six pieces at 32, ten at 48"
     assert components_and_euler(surface) == (1, 2)
@@ -97,7 +97,7 @@ def test_where_all_is_thin_the_grid_that_holds_it_together_is_taken() -> None:
     [(10**9, 48, "no finer grid is left"), (48**3 // 10, 32, "48^3 would take too long")],
     ids=["beyond the finest", "the next takes too long"],
 )
-def test_what_no_grid_can_show_is_said(
+def test_walls_that_no_grid_can_show_give_a_warning(
     most: int, resolution: int, reason: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "MOST_POINTS", most)
@@ -116,7 +116,7 @@ def test_a_few_close_faces_are_slivers(close: int, resolution: int, monkeypatch:
     assert refine_until_stable(Extraction(32), fin(0.9), LADDER)[0] == Extraction(resolution)
 
 
-def test_a_field_without_a_surface_is_settled_at_once() -> None:
+def test_a_field_without_a_surface_keeps_the_first_grid() -> None:
     extraction, surface = refine_until_stable(Extraction(32), lambda points: np.ones(len(points)), LADDER)
     assert extraction == Extraction(32)
     assert len(surface.faces) == 0

@@ -4,15 +4,12 @@ import numpy as np
 import pytest
 import trimesh
 from analytic import box_distance
+from solids import labelled
 
-from jointsdf.geometry.distance import PIECES, VOTING, ClosestPoint, ExactDistance, agreed, cut
+from jointsdf.geometry.distance import PIECES, VOTING, ClosestPoint, ExactDistance, split_long_faces, vote_on_signs
 from jointsdf.values import LabelledMesh
 
 HALF = np.array([0.7, 0.5, 0.3])
-
-
-def labelled(mesh: trimesh.Trimesh) -> LabelledMesh:
-    return LabelledMesh(np.array(mesh.vertices), np.array(mesh.faces), np.zeros(len(mesh.faces), dtype=np.int64))
 
 
 def box() -> LabelledMesh:
@@ -64,16 +61,16 @@ def test_value_and_face_equal_brute_force(watertight: bool) -> None:
     np.testing.assert_allclose(brute[exact.closest_face(points), np.arange(400)], brute.min(axis=0), atol=1e-12)
 
 
-def test_cut_faces_cover_the_same_surface_and_know_their_face() -> None:
+def test_split_faces_cover_the_same_surface_and_know_their_face() -> None:
     mesh = labelled(trimesh.creation.box((2, 1e-3, 0.3)))
     whole = mesh.vertices[mesh.faces]
-    pieces, face = cut(whole, 0.05)
+    pieces, face = split_long_faces(whole, 0.05)
     assert np.linalg.norm(np.roll(pieces, -1, axis=1) - pieces, axis=2).max() <= 0.05
     areas = [np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2 for t in (pieces, whole)]
     np.testing.assert_allclose(np.bincount(face, areas[0]), areas[1], rtol=1e-12)
     outside = triangle_distance(pieces.reshape(-1, 3)[:900], whole[face[0]])[np.repeat(face == face[0], 3)[:900]]
     np.testing.assert_allclose(outside, 0, atol=1e-12)
-    assert len(cut(whole, 1e-9)[0]) <= PIECES
+    assert len(split_long_faces(whole, 1e-9)[0]) <= PIECES
 
 
 def test_long_faces_give_the_same_distance_as_brute_force() -> None:
@@ -139,7 +136,7 @@ def test_a_fold_does_not_turn_the_space_that_it_is_nearest_to() -> None:
     inverted.apply_translation((1.3, 0, 0))
     inverted.invert()
     both = trimesh.util.concatenate([box, inverted])
-    mesh = LabelledMesh(np.array(both.vertices), np.array(both.faces), np.zeros(len(both.faces), dtype=np.int64))
+    mesh = labelled(both)
     exact = ExactDistance(mesh, watertight=True)
     points = np.random.default_rng(0).uniform(-2, 2, (20000, 3))
     beyond = np.abs(points).max(axis=1) - 1
@@ -155,10 +152,10 @@ def test_a_fold_does_not_turn_the_space_that_it_is_nearest_to() -> None:
     assert (exact.signed(close)[len(points) :] > 0).all()  # the fold is known from afar, and signs agree close to it
 
 
-def test_agreement_is_between_points_that_nothing_separates() -> None:
+def test_points_that_nothing_separates_vote_on_their_sign() -> None:
     line = np.stack([np.linspace(-1, 1, 41), np.zeros(41), np.zeros(41)], axis=1)
     distances = line[:, 0].copy()  # to the plane x = 0
     wrong = distances.copy()
     wrong[[3, 36, 37]] *= -1
-    np.testing.assert_array_equal(agreed(line, wrong), distances)
-    np.testing.assert_array_equal(agreed(line[:1], wrong[:1]), wrong[:1])
+    np.testing.assert_array_equal(vote_on_signs(line, wrong), distances)
+    np.testing.assert_array_equal(vote_on_signs(line[:1], wrong[:1]), wrong[:1])

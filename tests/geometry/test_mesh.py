@@ -1,29 +1,29 @@
-"""Points near part borders and by smooth region: on the surface, with their faces' labels, each with its share."""
-
-from dataclasses import replace
+"""Areas, normals and edges against known shapes and a search edge by edge."""
 
 import numpy as np
 import pytest
 import trimesh
-from analytic import box_distance
-from scipy.spatial import KDTree
+from solids import halves, labelled, strip
 
-from jointsdf.data.point_cloud import Cloud, pool_points, region_areas, stream
-from jointsdf.data.sampler import Counts, Sampler
-from jointsdf.geometry.mesh import border_edges, edge_keys, face_areas, near_borders, relative_area
+from jointsdf.geometry.mesh import border_edges, edge_keys, face_areas, face_normals, relative_area
 from jointsdf.values import LabelledMesh
 
 
-def halves(labels: tuple[int, int] = (4, 9)) -> LabelledMesh:
-    """A box of sides 4, 2, 2, cut into two parts by the plane x = 0.5."""
-    box = trimesh.creation.box((4, 2, 2)).subdivide().subdivide()
-    vertices = np.array(box.vertices) + np.array([0.5, 0, 0])
-    right = vertices[box.faces].mean(axis=1)[:, 0] > 0.5
-    return LabelledMesh(vertices, np.array(box.faces), np.where(right, *labels))
+def test_areas_of_a_strip() -> None:
+    mesh = strip([2, 1, 4, 3], [7, 5, 5, -1], height=3.0)
+    np.testing.assert_allclose(face_areas(mesh), [3, 3, 1.5, 1.5, 6, 6, 4.5, 4.5])
 
 
-def distance_to_box(points: np.ndarray) -> np.ndarray:
-    return np.abs(box_distance(points - [0.5, 0, 0], [2, 1, 1]))
+def test_face_normals_follow_the_winding() -> None:
+    vertices = np.array([[0.0, 0, 0], [2.0, 0, 0], [0, 3.0, 0]])
+    normals = face_normals(vertices, np.array([[0, 1, 2], [0, 2, 1], [0, 0, 1]]))
+    np.testing.assert_array_equal(normals, [[0, 0, 1], [0, 0, -1], [0, 0, 0]])
+
+
+@pytest.mark.parametrize("scale", [1.0, 40.0])
+def test_relative_area_of_a_box(scale: float) -> None:
+    box = labelled(trimesh.creation.box(scale * np.array([4.0, 2.0, 1.0])))
+    assert relative_area(box) == pytest.approx(2 * (8 + 4 + 2) / 4)
 
 
 def test_edge_keys_are_equal_for_the_two_sides_of_an_edge() -> None:
@@ -31,100 +31,35 @@ def test_edge_keys_are_equal_for_the_two_sides_of_an_edge() -> None:
     assert keys.tolist() == [1, 6, 2, 6, 7, 11]
 
 
-def test_points_near_borders_lie_on_the_surface_with_the_label_of_their_side() -> None:
-    mesh = halves()
-    points, faces = near_borders(mesh, 5000, stream(0, 0))
-    np.testing.assert_allclose(distance_to_box(points), 0, atol=1e-12)
-    clear = np.abs(points[:, 0] - 0.5) > 1e-9
-    np.testing.assert_array_equal(mesh.labels[faces][clear], np.where(points[:, 0] > 0.5, 4, 9)[clear])
+def test_border_edges_of_a_cube_are_its_twelve_edges() -> None:
+    mesh = labelled(trimesh.creation.box())
+    normals = np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2)))
+    sides = np.unique(normals.round(6), axis=0, return_inverse=True)[1].reshape(-1)
+    edges = border_edges(LabelledMesh(mesh.vertices, mesh.faces, sides))
+    assert len({tuple(edge) for edge in edges}) == len(edges) == 12
+    np.testing.assert_allclose(np.linalg.norm(np.diff(mesh.vertices[edges], axis=1), axis=2), 1.0)
+    five = np.where(sides == 0, -1, sides)  # borders with an unlabelled side are none
+    assert len(border_edges(LabelledMesh(mesh.vertices, mesh.faces, five))) == 8
 
 
-def test_points_near_borders_meet_every_distance_and_both_sides_alike() -> None:
-    points, _ = near_borders(halves(), 20000, stream(0, 0))
-    offset = points[:, 0] - 0.5  # the border is the square x = 0.5
-    assert (offset > 0).mean() == pytest.approx(0.5, abs=0.02)
-    for low, high in ((0, 1e-3), (1e-3, 1e-2), (1e-2, 0.1)):  # half the longest side is 2
-        assert ((np.abs(offset) >= low) & (np.abs(offset) < high)).mean() > 0.1, (low, high)
-    assert np.abs(offset).max() == pytest.approx(0.4, abs=0.15)  # four times the widest noise
-    sides = np.abs(points[:, 1:]).argmax(axis=1)
-    assert sides.mean() == pytest.approx(0.5, abs=0.02)  # uniform along the border
+def test_border_edges_equal_a_search_edge_by_edge() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    labels = np.random.default_rng(3).choice([-1, 2, 5, 9], len(ball.faces), p=[0.1, 0.7, 0.1, 0.1])
+    sides: dict[tuple[int, int], set[int]] = {}
+    for face, label in zip(ball.faces.tolist(), labels.tolist(), strict=True):
+        for a, b in zip(face, face[1:] + face[:1], strict=True):
+            sides.setdefault((min(a, b), max(a, b)), set()).add(label)
+    wanted = sorted(list(edge) for edge, met in sides.items() if len(met - {-1}) > 1)
+    assert border_edges(labelled(ball, labels)).tolist() == wanted
 
 
-def test_without_borders_there_are_no_points_near_them() -> None:
+def test_boundary_edge_of_three_faces_is_found_whatever_their_order() -> None:
+    fan = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
+    vertices = np.random.default_rng(0).random((5, 3))
+    for labels in ([1, 1, 2], [1, 2, 1], [2, 1, 1]):
+        assert border_edges(LabelledMesh(vertices, fan, np.array(labels))).tolist() == [[0, 1]]
+
+
+def test_one_label_has_no_border() -> None:
     for mesh in (halves((4, 4)), halves((4, -1))):
         assert len(border_edges(mesh)) == 0
-        assert [len(values) for values in near_borders(mesh, 100, stream(0, 0))] == [0, 0]
-
-
-def test_steps_draw_their_share_near_borders_and_the_shell_from_the_uniform_points() -> None:
-    cloud = Cloud.of(halves(), count=3000, seed=0, border_points=2000)
-    assert cloud.uniform == 3000
-    assert len(cloud.points) == 5000
-    counts = Counts(manifold=1000, non_manifold=10, shell=10, pool=1, balanced=0.25, borders=0.5)
-    near = set(map(tuple, cloud.points[3000:].astype(np.float32).tolist()))
-    drawn = Sampler(cloud, np.zeros((0, 3)), np.zeros(0), counts, 0).draw(0)
-    assert sum(tuple(point) in near for point in drawn.manifold.tolist()) == 500
-    file_x = cloud.normalisation.inverse(drawn.manifold.double().numpy())[:, 0]
-    clear = np.abs(file_x - 0.5) > 1e-5
-    np.testing.assert_array_equal(drawn.labels.numpy()[clear], (file_x < 0.5)[clear])
-
-
-def test_the_share_falls_to_the_uniform_points_where_there_is_no_border() -> None:
-    cloud = Cloud.of(halves((4, 4)), count=500, seed=0, border_points=100)
-    assert len(cloud.points) == 500
-    counts = Counts(manifold=50, non_manifold=1, shell=1, pool=1, borders=1.0)
-    assert len(Sampler(cloud, np.zeros((0, 3)), np.zeros(0), counts, 0).draw(0).manifold) == 50
-
-
-def test_the_uniform_points_do_not_depend_on_the_border_points() -> None:
-    plain, more = (Cloud.of(halves(), count=400, seed=0, border_points=number) for number in (0, 300))
-    np.testing.assert_array_equal(plain.points, more.points[:400])
-    part = Cloud.of(halves(), count=400, seed=0, border_points=300, label_fraction=0.1)
-    assert (part.labels >= 0).sum() == 70
-    assert replace(part, labels=more.labels).uniform == 400
-
-
-def test_every_smooth_region_has_its_share_by_the_root_of_its_area() -> None:
-    cloud = Cloud.of(halves(), count=100, seed=0, region_points=20_000, border_points=50)
-    assert (cloud.uniform, cloud.regional, len(cloud.points)) == (100, 20_000, 20_150)
-    points, normals = cloud.normalisation.inverse(cloud.points[100:20_100]), cloud.normals[100:20_100]
-    np.testing.assert_allclose(distance_to_box(points), 0, atol=1e-12)
-    roots = np.sqrt([4, 8, 8])  # of a box of sides 4, 2, 2, the sides across x, y and z
-    shares = [(np.abs(normals[:, axis]) > 0.5).mean() for axis in range(3)]
-    np.testing.assert_allclose(shares, roots / roots.sum(), atol=0.01)
-    np.testing.assert_array_equal(cloud.labels[100:20_100], points[:, 0] < 0.5)
-
-
-def test_region_areas_of_a_cylinder_are_those_of_its_wall_and_its_caps() -> None:
-    mesh = trimesh.creation.cylinder(radius=1.0, height=3.0, sections=64)
-    cylinder = LabelledMesh(np.array(mesh.vertices), np.array(mesh.faces), np.zeros(len(mesh.faces), dtype=np.int64))
-    cap = 64 * np.sin(np.pi / 64) * np.cos(np.pi / 64)
-    wall = 3 * 64 * 2 * np.sin(np.pi / 64)
-    found = region_areas(cylinder, face_areas(cylinder))
-    np.testing.assert_allclose(found, np.where(np.abs(mesh.face_normals[:, 2]) > 0.5, cap, wall))
-
-
-def test_steps_and_pool_draw_from_the_regions() -> None:
-    cloud = Cloud.of(halves(), count=3000, seed=0, region_points=1000, border_points=2000)
-    counts = Counts(manifold=1000, non_manifold=10, shell=10, pool=1, balanced=0.25, regions=0.25, borders=0.5)
-    drawn = Sampler(cloud, np.zeros((0, 3)), np.zeros(0), counts, 0).draw(0)
-    places = {tuple(point): place for place, point in enumerate(cloud.points.astype(np.float32).tolist())}
-    found = np.array([places[tuple(point)] for point in drawn.manifold.tolist()])
-    assert [int(((found >= low) & (found < low + size)).sum()) for low, size in ((0, 3000), (3000, 1000))] == [250, 250]
-    np.testing.assert_array_equal(drawn.normals.numpy(), cloud.normals[found].astype(np.float32))
-    near = pool_points(cloud, count=4000, near_share=1.0, seed=0)
-    nearest = KDTree(cloud.points[:4000]).query(near)[1]
-    assert (nearest >= 3000).mean() == pytest.approx(0.25, abs=0.05)
-    without = Cloud.of(halves(), count=3000, seed=0)
-    assert (
-        len(Sampler(without, np.zeros((0, 3)), np.zeros(0), replace(counts, borders=0.0), 0).draw(0).manifold) == 1000
-    )
-
-
-@pytest.mark.parametrize("scale", [1.0, 40.0])
-def test_relative_area_of_a_box(scale: float) -> None:
-    box = trimesh.creation.box(scale * np.array([4.0, 2.0, 1.0]))
-    mesh = LabelledMesh(np.array(box.vertices), np.array(box.faces), np.zeros(12, dtype=np.int64))
-    assert relative_area(mesh) == pytest.approx(2 * (8 + 4 + 2) / 4)
-    cloud = Cloud.of(mesh, count=30_000, seed=0, border_points=0)
-    assert cloud.relative_area() == pytest.approx(2 * (8 + 4 + 2) / 4, rel=0.02)

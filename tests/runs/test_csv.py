@@ -6,7 +6,6 @@ from study_rows import NAN, make_row, write
 
 from jointsdf.runs.csv import read_committed, rows_from_csv, rows_to_csv
 from jointsdf.runs.row import ResultRow, read_rows
-from jointsdf.study.collect import gather
 
 
 def same(left: ResultRow, right: ResultRow) -> bool:
@@ -92,22 +91,6 @@ def test_two_lines_of_one_run_must_agree() -> None:
             rows_from_csv("\n".join([header, line, second]))
     both = rows_from_csv("\n".join([header, line, line.replace("unit", "flatcad")]))
     assert both[0].scores == {"unit": {"nc": 0.75}, "flatcad": {"nc": 0.75}}
-
-
-def test_committed_rows_fill_what_is_not_on_disk(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    outputs, results = tmp_path / "outputs", tmp_path / "results"
-    write(outputs, make_row("relu", nc=0.9))
-    for name, content in (
-        ("fast", rows_to_csv([make_row("relu", nc=0.1), make_row("siren", nc=0.2)])),
-        ("damaged", "study,head"),
-    ):
-        (results / name).mkdir(parents=True)
-        (results / name / "runs.csv").write_text(content)
-    rows = {row.head: row.scores["unit"]["nc"] for row in gather(outputs, results)}
-    assert rows == {"relu": 0.9, "siren": 0.2}
-    assert f"{results / 'damaged' / 'runs.csv'}: line 1: no column variant" in caplog.text
-    assert len(read_committed(tmp_path / "nowhere")[0]) == 0
-    assert len(gather(tmp_path / "nowhere", results)) == 2
 
 
 def test_the_committed_rows_of_this_repository_are_read(tmp_path: Path) -> None:

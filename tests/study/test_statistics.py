@@ -11,7 +11,7 @@ from jointsdf.study.statistics import (
     common_shapes,
     holm,
     outer_quarters,
-    paired,
+    paired_tests,
     pearson,
     per_shape,
     summarise,
@@ -49,7 +49,7 @@ def test_paired_agrees_with_scipy(seed: int) -> None:
     random = np.random.default_rng(seed)
     baseline = random.normal(1.0, 0.3, 20)
     method = baseline + random.normal(0.05, 0.1, 20)
-    result = paired(by_shape(method), by_shape(baseline))
+    result = paired_tests(by_shape(method), by_shape(baseline))
     test = stats.ttest_rel(method, baseline)
     assert (result.n, result.delta) == (20, pytest.approx(np.mean(method) - np.mean(baseline)))
     assert result.p_t == pytest.approx(test.pvalue, rel=1e-9)
@@ -59,7 +59,7 @@ def test_paired_agrees_with_scipy(seed: int) -> None:
 
 def test_paired_by_hand() -> None:
     # Differences 1, 2, 3: mean 2, standard error 1 / sqrt(3), t = 3.4641 with 2 degrees of freedom.
-    result = paired({"a": 2.0, "b": 4.0, "c": 6.0}, {"a": 1.0, "b": 2.0, "c": 3.0})
+    result = paired_tests({"a": 2.0, "b": 4.0, "c": 6.0}, {"a": 1.0, "b": 2.0, "c": 3.0})
     assert result.delta == 2.0
     assert result.p_t == pytest.approx(0.0741799, abs=1e-6)
     assert result.high - 2.0 == pytest.approx(4.3026527 / math.sqrt(3), abs=1e-6)
@@ -67,19 +67,19 @@ def test_paired_by_hand() -> None:
 
 
 def test_a_pair_with_a_missing_side_is_left_out() -> None:
-    result = paired({"a": 2.0, "b": NAN, "c": 6.0, "d": 1.0}, {"a": 1.0, "b": 2.0, "c": NAN, "e": 1.0})
+    result = paired_tests({"a": 2.0, "b": NAN, "c": 6.0, "d": 1.0}, {"a": 1.0, "b": 2.0, "c": NAN, "e": 1.0})
     assert (result.n, result.delta) == (1, 1.0)
     assert all(map(math.isnan, (result.low, result.high, result.p_t, result.p_wilcoxon)))
-    nothing = paired({"a": NAN}, {"a": 1.0})
+    nothing = paired_tests({"a": NAN}, {"a": 1.0})
     assert nothing.n == 0
     assert math.isnan(nothing.delta)
 
 
 def test_equal_differences_have_no_t_test() -> None:
-    shifted = paired({"a": 1.1, "b": 2.1, "c": 5.1}, {"a": 1.0, "b": 2.0, "c": 5.0})
+    shifted = paired_tests({"a": 1.1, "b": 2.1, "c": 5.1}, {"a": 1.0, "b": 2.0, "c": 5.0})
     assert math.isnan(shifted.p_t)
     assert math.isnan(shifted.low)
-    same = paired({"a": 1.0, "b": 2.0}, {"a": 1.0, "b": 2.0})
+    same = paired_tests({"a": 1.0, "b": 2.0}, {"a": 1.0, "b": 2.0})
     assert (same.delta, math.isnan(same.p_t), math.isnan(same.p_wilcoxon)) == (0.0, True, True)
 
 

@@ -1,1 +1,1 @@
-"""Value, gradient and mixed second derivative of a SIREN in the fewest matrix products, backward by hand."""
+"""SIREN value, gradient and mixed second derivative in the fewest matrix products, differentiated by hand."""

@@ -1,4 +1,4 @@
-"""Forward half of the training pass (formulas in `sine_pass`): value, gradient and H u, recorded for the way back."""
+"""Forward half of the fused pass (formulas in `evaluate.py`): value, gradient and H u, recorded for `backward.py`."""
 
 from dataclasses import dataclass, field
 
@@ -11,25 +11,43 @@ from jointsdf.model.layers import cosine, sine_
 
 @dataclass(frozen=True)
 class Layers:
-    """Weights and biases with omega in them, and the weights in the precision of the backward products."""
+    """The network's parameters with omega multiplied into the sine layers.
+
+    Attributes:
+        weights: W_i.
+        biases: b_i.
+        output: w, one row.
+        offset: b, one number.
+        low_precision: W_i in the precision of the backward products.
+    """
 
     weights: list[Tensor]
     biases: list[Tensor]
     output: Tensor
     offset: Tensor
-    low: list[Tensor]
+    low_precision: list[Tensor]
 
 
 @dataclass
 class Record:
-    """What the backward pass needs of one chunk of points; lists run over the layers."""
+    """Quantities of one piece of points that the backward pass needs; lists run over the layers.
+
+    Attributes:
+        points: x, network frame.
+        sines: h_i.
+        cosines: c_i.
+        adjoints: g_i.
+        argument_tangents: p_i.
+        adjoint_tangents: q_i; None for the last layer, where it is 0.
+        frame: Tangent frame (u, v).
+    """
 
     points: Tensor
     sines: list[Tensor] = field(default_factory=list)
     cosines: list[Tensor] = field(default_factory=list)
-    adjoints: list[Tensor] = field(default_factory=list)  # g_i
-    argument_tangents: list[Tensor] = field(default_factory=list)  # p_i
-    adjoint_tangents: list[Tensor | None] = field(default_factory=list)  # q_i, None for the last layer's 0
+    adjoints: list[Tensor] = field(default_factory=list)
+    argument_tangents: list[Tensor] = field(default_factory=list)
+    adjoint_tangents: list[Tensor | None] = field(default_factory=list)
     frame: tuple[Tensor, Tensor] | None = None
 
     def inputs(self, i: int) -> Tensor:
@@ -49,7 +67,7 @@ class Record:
 
 
 def value(net: Layers, record: Record) -> Float[Tensor, " n"]:
-    """The field; records h_i and c_i."""
+    """f; records h_i and c_i."""
     hidden = record.points
     for weight, bias in zip(net.weights, net.biases, strict=True):
         argument = torch.addmm(bias, hidden, weight.T)
@@ -60,7 +78,7 @@ def value(net: Layers, record: Record) -> Float[Tensor, " n"]:
 
 
 def gradient(net: Layers, record: Record) -> Float[Tensor, "n 3"]:
-    """Its gradient, after `value`; records g_i."""
+    """Gradient of f, after `value`; records g_i."""
     adjoint = net.output.expand_as(record.sines[-1])
     for weight, c in zip(reversed(net.weights), reversed(record.cosines), strict=True):
         record.adjoints.insert(0, adjoint)

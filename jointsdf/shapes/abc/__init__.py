@@ -1,4 +1,4 @@
-"""The catalogue of 50 real CAD shapes of the ABC dataset: facts are committed, meshes stay with their owners."""
+"""Catalogue of 50 real CAD shapes of the ABC dataset (Koch et al., CVPR 2019): facts only, without the meshes."""
 
 import csv
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ class CatalogueEntry:
     Attributes:
         name: Catalogue name, `abc_0001` .. `abc_0050`.
         abc_id: The model's id in the ABC dataset.
-        source: Public repository and path where the mesh was found.
+        source: Public repository and path of the mesh.
         sha256: Of the mesh file's bytes.
         patches: Number of B-rep patches, 0 where none are known.
-        geometry: How the mesh was made from what ABC distributes.
+        geometry: Derivation of the mesh from what ABC distributes.
         extents: Sides of the mesh's bounding box, in the mesh file's units.
     """
 
@@ -49,7 +49,7 @@ def catalogue() -> dict[str, CatalogueEntry]:
 
 
 def mesh_path(name: str, root: str | Path) -> Path:
-    """Where the mesh of a catalogue shape belongs, whether it is there or not.
+    """Path of the mesh of a catalogue shape, existing or not.
 
     Args:
         name: Catalogue name.
@@ -59,7 +59,7 @@ def mesh_path(name: str, root: str | Path) -> Path:
 
 
 def how_to_get(entry: CatalogueEntry, path: Path) -> str:
-    """One line for the user: where the mesh was looked for, and how to get it."""
+    """Message for the user, one line: the path without the mesh, and the ways to get it."""
     return (
         f"{entry.name} is not on this machine (looked for {path}); make abc prepares it, or set paths.abc_root or the "
         f"environment variable JOINTSDF_ABC to a folder that holds {entry.name}/mesh.ply (ABC model {entry.abc_id}, "

@@ -1,8 +1,8 @@
-"""The built-in benchmark: 50 CAD parts made by code, `part_01` to `part_50`, ten families of five sizes.
+"""Built-in benchmark of 50 CAD parts made by code, `part_01` to `part_50`: ten families of five sizes.
 
 A part is a function that grows a `Construction` and returns its mesh, with its dimensions (millimetres) as keywords. To
 add a family: a file like `gears.py`, with a tuple of `partial`s, and its line in `FAMILIES`.
-The first six parts keep the bits that they were first measured with (`snap=False`).
+The first six parts have the coordinates that they were first measured with (`snap=False`).
 """
 
 from collections.abc import Callable

@@ -54,8 +54,8 @@ def manifold_block(
         at: Lowest corner.
         size: Of the block.
         corner: Radius of the vertical edges; 0: sharp.
-        bores: Part -> what is drilled for it.
-        bosses: Part -> what stands on the block for it, before drilling.
+        bores: Cylinders drilled for each part.
+        bosses: Cylinders added to the block for each part, before drilling.
         mounting: Inset of the four holes along x and y, and their radius; radius 0: none.
         snap: Whether coordinates are put on a grid, see `Construction`.
     """
@@ -64,9 +64,9 @@ def manifold_block(
     part = Construction(snap=snap)
     part.add("block", plate(at, far, corner) if corner else box(at, far))
     for name, drills in (bosses or {}).items():
-        part.add(name, *(_drilled(drill, at) for drill in drills))
+        part.add(name, *(_cylinder(drill, at) for drill in drills))
     for name, drills in bores.items():
-        part.cut(name, *(_drilled(drill, at) for drill in drills))
+        part.cut(name, *(_cylinder(drill, at) for drill in drills))
     inset_x, inset_y, radius = mounting
     if radius:
         places = [(x, y) for x in (x0 + inset_x, far[0] - inset_x) for y in (y0 + inset_y, far[1] - inset_y)]
@@ -74,7 +74,7 @@ def manifold_block(
     return part.mesh()
 
 
-def _drilled(drill: Drill, at: Point) -> Manifold:
+def _cylinder(drill: Drill, at: Point) -> Manifold:
     """The cylinder of a drill, in the file frame."""
     x, y, z = (a + b for a, b in zip(at, drill.start, strict=True))
     return rod((x, y, z), drill.length, drill.radius, turn=TURNS[drill.axis])

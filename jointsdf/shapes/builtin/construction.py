@@ -1,4 +1,4 @@
-"""Solids grown by booleans of primitives, where every face knows the primitive that it came from. Millimetres."""
+"""Constructive solid geometry whose faces know the primitive that they come from. Millimetres."""
 
 from collections.abc import Callable, Iterable, Sequence
 from math import cos, radians, sin
@@ -12,8 +12,9 @@ from jointsdf.values import LabelledMesh
 
 SEGMENTS = 96  # of a full circle
 ALONG_X, ALONG_Y = (0.0, 90.0, 0.0), (-90.0, 0.0, 0.0)  # rotations (degrees) that turn the z axis
-GRID = 2.0**20  # places per millimetre: far above the last bits in which machines differ, far below any feature
+GRID = 2.0**20  # cells per millimetre: far above the last bits in which machines differ, far below any feature
 FINE_GRID = 2.0**24  # for the corners that booleans make
+SLIVER = 8 / GRID  # millimetres: tolerance of the simplification
 
 Number = int | float  # of millimetres or degrees
 Pair = tuple[Number, Number]
@@ -22,14 +23,14 @@ Outline = Sequence[Pair]
 
 
 class Construction:
-    """A solid grown by booleans that remembers which part each primitive makes."""
+    """A solid made by booleans that records the part of each primitive."""
 
     def __init__(self, *, snap: bool = True) -> None:
-        """Start with nothing.
+        """Start with an empty solid.
 
         Args:
-            snap: Whether coordinates are put on a grid, so that sines which differ in their last bit between machines
-                do not make another mesh.
+            snap: Whether coordinates are rounded to a grid, so that sines which differ in their last bit between
+                machines do not make another mesh.
         """
         self._snap = snap
         self._solid = Manifold()
@@ -38,11 +39,11 @@ class Construction:
 
     def add(self, part: str, *solids: Manifold) -> None:
         """Unite with `solids`; the faces that they bring belong to `part`."""
-        self._solid += self._registered(part, solids)
+        self._solid += self._register(part, solids)
 
     def cut(self, part: str, *solids: Manifold) -> None:
         """Subtract `solids`; the faces that they leave belong to `part`."""
-        self._solid -= self._registered(part, solids)
+        self._solid -= self._register(part, solids)
 
     def add_each(self, part: str, solids: Iterable[Manifold], *, numbered: bool) -> None:
         """Unite with `solids`: one part, or as many as there are solids, `part 1`, `part 2`, .., if numbered."""
@@ -54,7 +55,7 @@ class Construction:
 
     def mesh(self) -> LabelledMesh:
         """The finished part; labels count the parts in the order of their first use."""
-        solid = self._solid.simplify(8 / GRID) if self._snap else self._solid  # corners on a grid leave slivers
+        solid = self._solid.simplify(SLIVER) if self._snap else self._solid  # corners on a grid leave slivers
         arrays = solid.to_mesh64()
         parts = [self._part_of[original] for original in arrays.run_original_id]
         labels = np.repeat(np.array(parts, dtype=np.int64), np.diff(arrays.run_index) // 3)
@@ -62,15 +63,15 @@ class Construction:
         assert not missing, f"parts without a face: {[self._parts[k] for k in sorted(missing)]}"
         vertices = np.array(arrays.vert_properties[:, :3], dtype=np.float64)
         if self._snap:
-            vertices = snapped(vertices, FINE_GRID)
+            vertices = snap_to_grid(vertices, FINE_GRID)
         return LabelledMesh(vertices, np.array(arrays.tri_verts, dtype=np.int64), labels)
 
-    def _registered(self, part: str, solids: Sequence[Manifold]) -> Manifold:
-        """The union of `solids` as one primitive of `part`."""
+    def _register(self, part: str, solids: Sequence[Manifold]) -> Manifold:
+        """Unite `solids` to one primitive of `part`."""
         if part not in self._parts:
             self._parts.append(part)
         if self._snap:
-            solids = [solid.warp_batch(lambda vertices: snapped(vertices, GRID)) for solid in solids]
+            solids = [solid.warp_batch(lambda vertices: snap_to_grid(vertices, GRID)) for solid in solids]
         primitive = sum(solids[1:], start=solids[0]).as_original()
         self._part_of[primitive.original_id()] = self._parts.index(part)
         return primitive
@@ -85,8 +86,8 @@ class Construction:
             operation(part, *solids)
 
 
-def snapped(vertices: Float[ndarray, "v 3"], grid: float) -> Float[ndarray, "v 3"]:
-    """The nearest places of a grid, `grid` per millimetre."""
+def snap_to_grid(vertices: Float[ndarray, "v 3"], grid: float) -> Float[ndarray, "v 3"]:
+    """Round positions to a grid of `grid` cells per millimetre."""
     return np.asarray(np.round(vertices * grid) / grid + 0.0)  # + 0.0: no -0.0
 
 
@@ -106,7 +107,7 @@ def tube(start: Point, length: Number, outer: Number, inner: Number, turn: Point
 
 
 def slot(start: Point, shift: Point, depth: Number, radius: Number, turn: Point = (0, 0, 0)) -> Manifold:
-    """What a mill of `radius` sweeps from `start` to `start + shift`; its axis is turned like a rod's."""
+    """The sweep of a mill of `radius` from `start` to `start + shift`; its axis is turned like a rod's."""
     end = (start[0] + shift[0], start[1] + shift[1], start[2] + shift[2])
     return Manifold.batch_hull([rod(place, depth, radius, turn=turn) for place in (start, end)])
 

@@ -72,7 +72,7 @@ def gear(
 
 
 def tooth_gaps(module: Number, teeth: int, width: Number) -> list[Manifold]:
-    """What a cutter takes between each two teeth of a gear about the z axis, from z = 0 up and beyond `width`."""
+    """The gaps between the teeth of a gear about the z axis, from z = 0 up and beyond `width`."""
     root, tip = module * (teeth / 2 - 1.25), module * (teeth / 2 + 1)
     radii = [root + (tip - root) * k / (FLANK_POINTS - 1) for k in range(FLANK_POINTS)]
     flank = [(radius, pi / teeth - _tooth_half_angle(radius, module, teeth)) for radius in radii]

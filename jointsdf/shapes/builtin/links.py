@@ -132,8 +132,8 @@ def hinge(
     spans = [(y + pitch * k + 0.5, y + pitch * (k + 1) - 0.5) for k in range(knuckles)]
     part = Construction()
     for name, side in (("left leaf", -1), ("right leaf", 1)):
-        tabs = (_between((x, a + 0.5), (x + side * (gap + 1), b - 0.5), z, thickness) for a, b in spans[side > 0 :: 2])
-        part.add(name, _between((x + side * gap, y), (x + side * width, y + length), z, thickness), *tabs)
+        tabs = (_flat_box((x, a + 0.5), (x + side * (gap + 1), b - 0.5), z, thickness) for a, b in spans[side > 0 :: 2])
+        part.add(name, _flat_box((x + side * gap, y), (x + side * width, y + length), z, thickness), *tabs)
     rods = (rod((x, a, height), b - a, barrel, turn=ALONG_Y) for a, b in spans)
     part.add_each("knuckle", rods, numbered=numbered)
     head = 0.5 * (pin + barrel)
@@ -151,7 +151,7 @@ def hinge(
     return part.mesh()
 
 
-def _between(one: Pair, other: Pair, bottom: Number, thickness: Number) -> Manifold:
+def _flat_box(one: Pair, other: Pair, bottom: Number, thickness: Number) -> Manifold:
     """The flat box over the rectangle of two opposite corners."""
     (xa, xb), (ya, yb) = sorted((one[0], other[0])), sorted((one[1], other[1]))
     return box((xa, ya, bottom), (xb, yb, bottom + thickness))

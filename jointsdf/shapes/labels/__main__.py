@@ -1,4 +1,4 @@
-"""Part labels made by other programs: `python -m jointsdf.shapes.labels partfield --repo .. --checkpoint .. MESH`."""
+"""Part labels by other programs: `python -m jointsdf.shapes.labels partfield --repo .. --checkpoint .. MESH`."""
 
 import argparse
 import logging
@@ -12,27 +12,27 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from jointsdf import shapes
 from jointsdf.errors import InputError
 from jointsdf.shapes.labels import partfield
-from jointsdf.shapes.labels.files import numbered_by_area
+from jointsdf.shapes.labels.files import number_by_area
 from jointsdf.shapes.readers.mesh_file import FileMesh
+from jointsdf.shapes.readers.triangles import read_triangles
 from jointsdf.values import LabelledMesh
 
 SCRIPTS = ("partfield_inference.py", "run_part_clustering.py")
-MOST_CLUSTERS = 20  # its clustering is asked for 1 to 20 parts
+MOST_CLUSTERS = 20  # parts that its clustering is run for, from 1
 
 log = logging.getLogger("jointsdf.shapes.labels")
 
 
 def run_partfield(repo: Path, checkpoint: Path, mesh: FileMesh, name: str, python: str) -> Path:
-    """Let the user's own PartField checkout find the parts of a mesh: its features, then its clustering.
+    """Run the user's own PartField checkout on a mesh: its features, then its clustering.
 
     Args:
         repo: The checkout; its results stay in its `exp_results`.
         checkpoint: PartField's weights.
         mesh: The triangles.
-        name: What to call the mesh there.
+        name: Of the mesh in PartField's output.
         python: The interpreter of PartField's environment.
 
     Returns:
@@ -57,10 +57,10 @@ def run_partfield(repo: Path, checkpoint: Path, mesh: FileMesh, name: str, pytho
     with tempfile.TemporaryDirectory() as folder:
         trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(Path(folder, f"{name}.obj"), digits=17)
         options = ["continue_ckpt", checkpoint.resolve(), "result_name", features, "dataset.data_path", folder]
-        _call(repo, [python, SCRIPTS[0], "-c", "configs/final/demo.yaml", "--opts", *options])
+        _run_script(repo, [python, SCRIPTS[0], "-c", "configs/final/demo.yaml", "--opts", *options])
         options = ["--root", f"exp_results/{features}", "--dump_dir", clusters, "--source_dir", folder]
         options += ["--use_agglo", "True", "--max_num_clusters", MOST_CLUSTERS, "--option", 0]
-        _call(repo, [python, SCRIPTS[1], *options])
+        _run_script(repo, [python, SCRIPTS[1], *options])
     return results
 
 
@@ -71,7 +71,7 @@ def import_partfield(path: Path, results: Path, mesh: FileMesh, num_parts: int |
         path: The mesh file.
         results: PartField's output.
         mesh: The file's triangles; the labels follow their order.
-        num_parts: Wanted number of parts, None for the usual one.
+        num_parts: Wanted number of parts, None for the default.
 
     Returns:
         The `.npy` and the `.ply`; the latter is None where PartField wrote none.
@@ -79,13 +79,13 @@ def import_partfield(path: Path, results: Path, mesh: FileMesh, num_parts: int |
     Raises:
         InputError: PartField's output does not hold this mesh.
     """
-    names = partfield.names(path, mesh.sha256)[-1:]
-    labels, count = partfield.labels(results, names, mesh.vertices[mesh.faces], num_parts)
+    names = partfield.possible_names(path, mesh.sha256)[-1:]
+    labels, count = partfield.read_parts(results, names, mesh.vertices[mesh.faces], num_parts)
     labels_path, painted_path = (
         path.with_name(f"{path.stem}_partfield_{count:02d}{kind}") for kind in (".npy", ".ply")
     )
-    np.save(labels_path, numbered_by_area(LabelledMesh(mesh.vertices, mesh.faces, labels)))
-    clusters = partfield.find(results, names).clusters.get(count)
+    np.save(labels_path, number_by_area(LabelledMesh(mesh.vertices, mesh.faces, labels)))
+    clusters = partfield.find_output(results, names).clusters.get(count)
     painted = clusters and clusters.parents[1] / "ply" / f"{clusters.stem}.ply"
     if not painted or not painted.is_file():
         return labels_path, None
@@ -106,8 +106,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     try:
-        mesh, _ = shapes.triangles(given.mesh)
-        name = partfield.names(given.mesh, mesh.sha256)[-1]
+        mesh, _ = read_triangles(given.mesh)
+        name = partfield.possible_names(given.mesh, mesh.sha256)[-1]
         results = run_partfield(given.repo, given.checkpoint, mesh, name, given.python)
         labels, painted = import_partfield(given.mesh, results, mesh, given.num_parts)
     except (InputError, OSError) as error:
@@ -121,8 +121,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _call(repo: Path, command: Sequence[object]) -> None:
-    """Run one of PartField's scripts in its checkout, its output on our own."""
+def _run_script(repo: Path, command: Sequence[object]) -> None:
+    """Run one of PartField's scripts in its checkout, with its output on standard error."""
     words = [str(word) for word in command]
     log.info("%s", " ".join(words))
     done = subprocess.run(words, cwd=repo, stdout=sys.stderr, stderr=subprocess.PIPE, text=True, check=False)

@@ -1,4 +1,4 @@
-"""Which face of one mesh file lies where a face of another does, whatever the order of faces and vertices."""
+"""Matching of the faces of two files of one mesh by position, whatever the order of faces and vertices."""
 
 import logging
 
@@ -15,14 +15,17 @@ logger = logging.getLogger(__name__)
 
 
 def match_faces(source: str, theirs: Float[ndarray, "g 3 3"], ours: Float[ndarray, "f 3 3"]) -> Int[ndarray, " f"]:
-    """For each of our faces, the index of their face at the same place; says so where the order differs.
+    """Find for each of our faces their face at the same place, by nearest centres; warn where the order differs.
 
-    Both are compared with the middle of their box at the origin and its longest side 1: PartField writes meshes so.
+    Both are compared with the middle of their box at the origin and its longest side 1: PartField rescales meshes.
 
     Args:
         source: What messages call their mesh.
         theirs: Corners of each face, any frame without rotation.
         ours: Corners of each face.
+
+    Returns:
+        Indices of their faces.
 
     Raises:
         InputError: Theirs is another mesh.
@@ -32,8 +35,8 @@ def match_faces(source: str, theirs: Float[ndarray, "g 3 3"], ours: Float[ndarra
     theirs, ours = _in_box(theirs), _in_box(ours)
     if np.abs(theirs.mean(axis=1) - ours.mean(axis=1)).max() <= TOLERANCE:
         return np.arange(len(ours))
-    for place in (_centres_and_normals, _centres):  # faces that touch differ in their normals only
-        there, here = place(theirs), place(ours)
+    for key in (_centres_and_normals, _centres):  # faces that touch differ in their normals only
+        there, here = key(theirs), key(ours)
         away, index = KDTree(there).query(here)
         back = KDTree(here).query(there)[0]
         if max(away.max(), back.max()) <= 2 * TOLERANCE:

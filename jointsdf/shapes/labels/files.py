@@ -1,4 +1,4 @@
-"""Part labels, one integer per face: read from `.npy` and text files, numbered by falling area."""
+"""Part labels, one integer per face: read from `.npy` and text files, renumbered by falling area."""
 
 import io
 import re
@@ -15,7 +15,7 @@ from jointsdf.values import UNLABELLED, LabelledMesh
 TEXT = (".txt",)
 
 
-def read(path: Path, num_faces: int) -> Int[ndarray, " f"]:
+def read_labels(path: Path, num_faces: int) -> Int[ndarray, " f"]:
     """Read one label per face of the mesh file.
 
     Args:
@@ -25,7 +25,7 @@ def read(path: Path, num_faces: int) -> Int[ndarray, " f"]:
     Raises:
         InputError: The file is empty, truncated, pickled, not of integers, of another length, or below -1.
     """
-    array = _numbers(path) if path.suffix.lower() in TEXT else read_array(path)
+    array = _read_text(path) if path.suffix.lower() in TEXT else read_array(path)
     if array.dtype.kind not in "iu":
         raise InputError(f"labels file {path} holds {array.dtype}: save an integer array, one part id >= -1 per face")
     if array.ndim != 1 and array.shape[1:] != (1,):
@@ -41,7 +41,7 @@ def read(path: Path, num_faces: int) -> Int[ndarray, " f"]:
 
 
 def read_array(path: Path) -> ndarray:
-    """The array in a `.npy` file.
+    """Read the array in a `.npy` file.
 
     Raises:
         InputError: The file cannot be opened, or is empty, truncated, pickled or no `.npy`.
@@ -57,8 +57,8 @@ def read_array(path: Path) -> ndarray:
         ) from error
 
 
-def _numbers(path: Path) -> Int[ndarray, " f"]:
-    """The integers in the lines of a text file; empty lines at its end do not count."""
+def _read_text(path: Path) -> Int[ndarray, " f"]:
+    """Read the integers in the lines of a text file; empty lines at its end do not count."""
     try:
         lines = path.read_bytes().decode("utf-8-sig").rstrip().splitlines()
     except OSError as error:
@@ -75,8 +75,13 @@ def _numbers(path: Path) -> Int[ndarray, " f"]:
     return np.array([int(line) for line in lines], dtype=np.int64)
 
 
-def numbered_by_area(mesh: LabelledMesh) -> Int[ndarray, " f"]:
-    """Labels 0, 1, .. by falling area of the parts, so that a number means something across shapes; -1 stays."""
+def number_by_area(mesh: LabelledMesh) -> Int[ndarray, " f"]:
+    """Renumber the parts 0, 1, .. by falling area, so that a number means something across shapes; -1 stays.
+
+    >>> square = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [4, 0, 0]])
+    >>> number_by_area(LabelledMesh(square, np.array([[0, 1, 2], [1, 3, 2]]), np.array([5, 7])))
+    array([1, 0])
+    """
     labelled = mesh.labels != UNLABELLED
     parts = np.searchsorted(mesh.part_ids, mesh.labels[labelled])
     part_areas = np.bincount(parts, face_areas(mesh)[labelled], minlength=len(mesh.part_ids))

@@ -1,1 +1,1 @@
-"""Mesh, STEP and ABC files -> triangles and B-rep patches."""
+"""Readers of mesh, STEP and ABC files: triangles and B-rep patches."""

@@ -1,4 +1,4 @@
-"""The features file that ABC distributes with each obj mesh: B-rep patches, their surface types, sharp edges.
+"""Reader of the features file that ABC distributes with each obj mesh: B-rep patches, surface types, sharp edges.
 
 Source: Koch et al., "ABC: A Big CAD Model Dataset For Geometric Deep Learning", CVPR 2019.
 """
@@ -21,6 +21,7 @@ from jointsdf.values import UNLABELLED
 
 SUFFIXES = (".yml", ".yaml")
 DEEPEST = 20  # levels of nesting; the files have six
+MOST_DIGITS = 18  # of an index: they fit 64 bits
 ABC_OBJ = re.compile(r"(\d{8}_[0-9a-f]{24})_trimesh_(\d+)\.obj", re.IGNORECASE)
 
 logger = logging.getLogger(__name__)
@@ -28,7 +29,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Features:
-    """What is known of one ABC obj mesh, by the indices of the obj file.
+    """Features of one ABC obj mesh, by the indices of the obj file.
 
     Attributes:
         patches: The B-rep patch of each face, -1 where none.
@@ -41,8 +42,8 @@ class Features:
     sharp_edges: Int[ndarray, "e 2"]
 
 
-def beside(mesh_path: Path) -> Path | None:
-    """The features file of an ABC obj mesh in the same folder, found by the ABC id; None for any other mesh."""
+def find_features_file(mesh_path: Path) -> Path | None:
+    """Find the features file of an ABC obj mesh in its folder, by the ABC id; None for any other mesh."""
     named = ABC_OBJ.fullmatch(mesh_path.name)
     if not named:
         return None
@@ -51,7 +52,7 @@ def beside(mesh_path: Path) -> Path | None:
     return same_number if same_number in others else next(iter(others), None)
 
 
-def read(path: Path, num_faces: int, num_vertices: int) -> Features:
+def read_features(path: Path, num_faces: int, num_vertices: int) -> Features:
     """Read the features of a mesh.
 
     Args:
@@ -63,28 +64,30 @@ def read(path: Path, num_faces: int, num_vertices: int) -> Features:
         InputError: The file cannot be opened, is empty, truncated, damaged, no features file, holds YAML tags or
             references, names a face or vertex that the mesh does not have, or puts a face in two patches.
     """
-    document = _document(path)
+    document = _read_document(path)
     patches = np.full(num_faces, UNLABELLED)
     surfaces = []
-    for patch, surface in enumerate(_entries(path, document, "surfaces", ("face_indices", "type"))):
-        members = _indices(path, surface["face_indices"], num_faces, "face")
+    for patch, surface in enumerate(_check_entries(path, document, "surfaces", ("face_indices", "type"))):
+        members = _parse_indices(path, surface["face_indices"], num_faces, "face")
         if (patches[members] != UNLABELLED).any() or len(np.unique(members)) < len(members):
             raise InputError(f"{path} puts a face in more than one patch: it is damaged, extract it again")
         patches[members] = patch
         surfaces.append(str(surface["type"]).lower())
     if without := int((patches == UNLABELLED).sum()):
         logger.warning("%s: %d of %d faces are in no patch and stay unlabelled", path, without, num_faces)
-    curves = _entries(path, document, "curves", ("vert_indices", "sharp"))
+    curves = _check_entries(path, document, "curves", ("vert_indices", "sharp"))
     sharp = [
-        _indices(path, curve["vert_indices"], num_vertices, "vertex") for curve in curves if curve["sharp"] == "true"
+        _parse_indices(path, curve["vert_indices"], num_vertices, "vertex")
+        for curve in curves
+        if curve["sharp"] == "true"
     ]
     edges = np.array([edge for curve in sharp for edge in pairwise(curve.tolist())], dtype=np.int64).reshape(-1, 2)
     edges = np.sort(edges[edges[:, 0] != edges[:, 1]], axis=1)
     return Features(patches, tuple(surfaces), np.unique(edges, axis=0))
 
 
-def _document(path: Path) -> dict[Any, Any]:
-    """The parsed file."""
+def _read_document(path: Path) -> dict[Any, Any]:
+    """Read and parse the file."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -92,7 +95,7 @@ def _document(path: Path) -> dict[Any, Any]:
     if not data.strip():
         raise InputError(f"features file {path} is empty: extract it again")
     try:
-        document = _parsed(data)
+        document = _parse_yaml(data)
     except (yaml.YAMLError, UnicodeDecodeError, TypeError) as error:
         raise InputError(f"features file {path} is truncated or damaged: extract it again") from error
     except ValueError as error:
@@ -102,11 +105,11 @@ def _document(path: Path) -> dict[Any, Any]:
     return document
 
 
-def _parsed(data: bytes) -> Any:
-    """The document as lists, mappings and words.
+def _parse_yaml(data: bytes) -> Any:
+    """Parse a document into lists, mappings and words.
 
-    Built from the parser's events, so that nothing in a hostile file takes effect: no tag makes an object, no
-    reference multiplies, and no deep nesting overflows the stack, all of which the library's loader lets through.
+    It is built from the parser's events, so that a hostile file does no harm: no tag makes an object, no reference
+    multiplies, and no deep nesting overflows the stack, all of which the library's loader allows.
     """
     stack: list[list[Any]] = [[]]
     for event in yaml.parse(data, Loader=yaml.CSafeLoader):
@@ -125,8 +128,8 @@ def _parsed(data: bytes) -> Any:
     return stack[0][0] if stack[0] else None
 
 
-def _entries(path: Path, document: dict[Any, Any], key: str, fields: tuple[str, ...]) -> list[dict[str, Any]]:
-    """One of the file's two lists, with every field that is needed."""
+def _check_entries(path: Path, document: dict[Any, Any], key: str, fields: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Check one of the file's two lists: each entry has every field that is needed."""
     entries = document.get(key)
     if not isinstance(entries, list):
         raise InputError(f"{path} is no ABC features file, or truncated: it has no list of {key}")
@@ -137,11 +140,11 @@ def _entries(path: Path, document: dict[Any, Any], key: str, fields: tuple[str, 
     return entries
 
 
-def _indices(path: Path, given: object, count: int, kind: str) -> Int[ndarray, " n"]:
-    """A list of indices below `count`."""
+def _parse_indices(path: Path, given: object, count: int, kind: str) -> Int[ndarray, " n"]:
+    """Parse a list of indices below `count`."""
     if not isinstance(given, list) or not all(isinstance(word, str) and word.isdecimal() for word in given):
         raise InputError(f"features file {path} is damaged: {kind} indices are not a list of integers >= 0")
-    outside = next((word for word in given if len(word) > 18 or int(word) >= count), None)
+    outside = next((word for word in given if len(word) > MOST_DIGITS or int(word) >= count), None)
     if outside is not None:
         raise InputError(f"{path} names {kind} {outside[:20]}, the mesh has 0..{count - 1}: it is of another mesh")
     return np.array([int(word) for word in given], dtype=np.int64)

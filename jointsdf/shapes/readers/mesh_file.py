@@ -1,7 +1,6 @@
-"""A mesh file (ply, obj, stl, off, glb) as triangles in the file's order, with every damage named.
+"""Reader of mesh files (ply, obj, stl, off, glb) as triangles in the file's order, which reports any damage.
 
-The content of a STEP file is read here too; the B-rep reader makes triangles of it. So are the part labels or colours
-that a PLY holds for its faces.
+It also reads the part labels or colours of a PLY's faces, and the content of a STEP file for the B-rep reader.
 """
 
 import hashlib
@@ -21,11 +20,13 @@ from jointsdf.errors import InputError
 from jointsdf.values import UNLABELLED
 
 FORMATS = ("ply", "obj", "stl", "off", "glb", "step", "stp")
+OFF_HEADER = 4096  # bytes within which an OFF file declares its sizes
+STL_HEADER, STL_FACE = 84, 50  # bytes of a binary STL file: up to and with the number of faces, and of each face
 
 
 @dataclass(frozen=True)
 class FileMesh:
-    """What one mesh file holds, in the file's frame and order.
+    """Triangles of one mesh file, in the file's frame and order.
 
     Attributes:
         vertices: Positions, all finite.
@@ -40,8 +41,8 @@ class FileMesh:
     sha256: str
 
 
-def read(path: Path) -> FileMesh:
-    """Read a mesh file as it is.
+def read_mesh(path: Path) -> FileMesh:
+    """Read a mesh file without repairs.
 
     Args:
         path: A ply, obj, stl, off or glb file. Several meshes in one file are joined in the file's order.
@@ -50,10 +51,10 @@ def read(path: Path) -> FileMesh:
         InputError: The file is missing, empty, truncated, unreadable or of another format, has no faces, a
             NaN or infinite vertex, or a face that uses a vertex out of range.
     """
-    data = content(path)
+    data = read_content(path)
     vertices, faces, declared = _parse(path, data)
     if declared is not None and declared > len(faces):
-        raise InputError(f"{path} is truncated: it announces {declared} faces and holds {len(faces)}; export it again")
+        raise InputError(f"{path} is truncated: it declares {declared} faces and holds {len(faces)}; export it again")
     check_mesh(str(path), vertices, faces)
     has_polygons = declared is not None and declared < len(faces)
     return FileMesh(vertices, faces, has_polygons, hashlib.sha256(data).hexdigest())
@@ -63,7 +64,7 @@ def check_mesh(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray,
     """Refuse a mesh without faces, with a coordinate that is not finite, or with a vertex index out of range.
 
     Args:
-        source: What messages call the mesh.
+        source: Names the mesh in messages.
         vertices: Positions.
         faces: Vertex indices.
 
@@ -80,14 +81,18 @@ def check_mesh(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray,
 
 
 def read_labelled_ply(path: Path) -> tuple[FileMesh, Int[ndarray, " f"], bool]:
-    """A PLY file with a part for each face: the mesh, the parts, and whether they are colours.
+    """Read a PLY file with a part for each face.
 
-    The integer face property `label` goes before face colours, of which each distinct one (without opacity) is a part.
+    The integer face property `label` takes precedence over face colours, of which each distinct one (without opacity)
+    is a part.
+
+    Returns:
+        The mesh, the parts, and whether they are colours.
 
     Raises:
         InputError: The mesh cannot be read, has polygons, or has neither property.
     """
-    mesh = read(path)
+    mesh = read_mesh(path)
     if mesh.has_polygons:
         raise InputError(f"{path} has polygons: triangulate it, so that each triangle has its label")
     try:
@@ -109,13 +114,13 @@ def read_labelled_ply(path: Path) -> tuple[FileMesh, Int[ndarray, " f"], bool]:
 
 
 def _face_properties(data: Any) -> list[str]:
-    """Those of the wanted names that the parsed face element of a PLY has: a record array, or a dict for text."""
+    """Names of label and colour properties in the parsed face element of a PLY: a record array, or a dict for text."""
     names = data.keys() if isinstance(data, dict) else data.dtype.names
     return [name for name in ("label", "red", "green", "blue") if name in names]
 
 
-def content(path: Path) -> bytes:
-    """The file's content, once it is clear that it is a non-empty file of a known format.
+def read_content(path: Path) -> bytes:
+    """Read a file's content, after checking that it is a non-empty file of a known format.
 
     Raises:
         InputError: The file is missing, a folder, empty, unreadable or of another format.
@@ -138,7 +143,7 @@ def content(path: Path) -> bytes:
 
 
 def _parse(path: Path, data: bytes) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"], int | None]:
-    """Vertices, triangles in the file's order, and how many faces the file announces (None if it does not)."""
+    """Parse vertices, triangles in the file's order, and the number of faces that the file declares (None without)."""
     kind = path.suffix.lower().lstrip(".")
     try:
         if kind == "obj":
@@ -160,7 +165,7 @@ def _parse(path: Path, data: bytes) -> tuple[Float[ndarray, "v 3"], Int[ndarray,
 
 
 def _parse_obj(data: bytes) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"], int]:
-    """Positions and faces of an OBJ file. Differs from trimesh, which reorders faces by material and format."""
+    """Parse an OBJ file. Differs from trimesh, which reorders faces by material and format."""
     vertices: list[list[float]] = []
     faces: list[list[int]] = []
     declared = 0
@@ -180,14 +185,14 @@ def _parse_obj(data: bytes) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"],
 
 
 def _declared_faces(kind: str, data: bytes) -> int | None:
-    """The number of faces that the file announces; parsers accept text files that end early."""
+    """Number of faces that the file declares; parsers accept text files that end early."""
     if kind == "ply":
         found = re.search(rb"element\s+face\s+(\d+)", data.partition(b"end_header")[0])
         return int(found[1]) if found else None
     if kind == "off":
-        words = re.sub(rb"#[^\n]*", b"", data[:4096]).split()
+        words = re.sub(rb"#[^\n]*", b"", data[:OFF_HEADER]).split()
         return int(words[2])
-    if kind == "stl" and len(data) != 84 + 50 * int.from_bytes(data[80:84], "little"):
+    if kind == "stl" and len(data) != STL_HEADER + STL_FACE * int.from_bytes(data[80:STL_HEADER], "little"):
         if not re.search(rb"endsolid[^\n]*\s*$", data, re.IGNORECASE):
             raise ValueError("neither a whole binary STL nor a whole text STL")
         return len(re.findall(rb"facet\s+normal", data, re.IGNORECASE))

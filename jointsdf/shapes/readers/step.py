@@ -1,4 +1,4 @@
-"""A STEP file -> triangles in the file's own length unit, each with the B-rep face that it comes from."""
+"""Reader of STEP files as triangles in the file's length unit, each with its B-rep face."""
 
 import importlib.util
 import io
@@ -17,7 +17,8 @@ from numpy import ndarray
 from jointsdf.errors import InputError, require_number
 
 SUFFIXES = (".step", ".stp")
-MILLIMETRE = 1e-3
+MILLIMETRE = 1e-3  # metres
+DEEPEST_UNIT = 5  # conversions from a unit to the metre
 PREFIXES = {
     "EXA": 1e18, "PETA": 1e15, "TERA": 1e12, "GIGA": 1e9, "MEGA": 1e6, "KILO": 1e3, "HECTO": 1e2, "DECA": 1e1,
     "DECI": 1e-1, "CENTI": 1e-2, "MILLI": 1e-3, "MICRO": 1e-6, "NANO": 1e-9, "PICO": 1e-12, "FEMTO": 1e-15,
@@ -38,7 +39,7 @@ class StepMesh:
     Attributes:
         vertices: Positions in the file's length unit; one per position of each body.
         faces: Vertex indices, none degenerate.
-        patches: The B-rep face of each triangle, counted through all bodies of the file.
+        patches: The B-rep face of each triangle, numbered through all bodies of the file.
         surfaces: Analytic type of each B-rep face: plane, cylinder, cone, sphere, torus, or other.
         unit: Metres per length unit of the file.
     """
@@ -52,7 +53,7 @@ class StepMesh:
 
 @dataclass(frozen=True)
 class Tessellation:
-    """How finely a STEP file's surfaces are cut into triangles.
+    """Resolution of a STEP file's triangles.
 
     Attributes:
         tolerance: Largest distance from the true surface, relative to the longest side of the file's box.
@@ -71,16 +72,16 @@ class Tessellation:
         require_number("tessellation.angle", self.angle, 1e-3, 1.0)
 
 
-AS_USUAL = Tessellation()
+DEFAULT = Tessellation()
 
 
-def read(path: Path, data: bytes, tessellation: Tessellation = AS_USUAL) -> StepMesh:
+def read_step(path: Path, data: bytes, tessellation: Tessellation = DEFAULT) -> StepMesh:
     """Tessellate a STEP file.
 
     Args:
-        path: What messages call the file.
+        path: Names the file in messages.
         data: Its content.
-        tessellation: How finely.
+        tessellation: Resolution of the triangles.
 
     Raises:
         InputError: The content is no STEP file, truncated, damaged, or without a surface; or cascadio, which reads
@@ -92,23 +93,23 @@ def read(path: Path, data: bytes, tessellation: Tessellation = AS_USUAL) -> Step
         raise InputError(f"{path} is truncated: END-ISO-10303-21 is missing; export it again")
     if importlib.util.find_spec("cascadio") is None:
         raise InputError(f"{path}: STEP needs cascadio: pip install 'jointsdf[step]' (in a checkout '.[step]')")
-    arrays = _tessellated(path, data, tessellation)
+    arrays = _run_worker(path, data, tessellation)
     corners = arrays["vertices"][arrays["faces"]]
     if not np.isfinite(corners).all() or not np.ptp(corners, axis=1).any():
         raise InputError(f"{path} is damaged: it has infinite coordinates or no extent; export it again")
-    unit = length_unit(path, data.decode("utf-8", errors="replace"))
-    vertices, faces, patches = welded(arrays["vertices"], arrays["faces"], arrays["patches"])
+    unit = parse_length_unit(path, data.decode("utf-8", errors="replace"))
+    vertices, faces, patches = weld(arrays["vertices"], arrays["faces"], arrays["patches"])
     return StepMesh(vertices / unit, faces, patches, tuple(str(each) for each in arrays["surfaces"]), unit)
 
 
-def _tessellated(path: Path, data: bytes, tessellation: Tessellation) -> dict[str, ndarray]:
-    """What `step_worker.py` makes of the file, in a process of its own: positions in metres."""
+def _run_worker(path: Path, data: bytes, tessellation: Tessellation) -> dict[str, ndarray]:
+    """Run `step_worker.py` on the file, in a process of its own; positions in metres."""
     script = str(Path(__file__).with_name("step_worker.py"))
     command = [sys.executable, "-P", script, str(tessellation.tolerance), str(tessellation.angle)]
     done = subprocess.run(command, input=data, capture_output=True, check=False)
-    said = re.sub(r"\x1b\[[\d;]*m", "", done.stderr.decode("utf-8", errors="replace"))
+    messages = re.sub(r"\x1b\[[\d;]*m", "", done.stderr.decode("utf-8", errors="replace"))
     if done.returncode > 0:
-        last = (said.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+        last = (messages.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         raise InputError(f"{path} cannot be tessellated: {last}")
     if done.returncode < 0:
         raise InputError(
@@ -116,16 +117,16 @@ def _tessellated(path: Path, data: bytes, tessellation: Tessellation) -> dict[st
         )
     if not done.stdout:
         raise InputError(f"{path} is damaged or holds no surface: nothing could be read from it; export it again")
-    if "Fails Count" in said:
+    if "Fails Count" in messages:
         logger.warning("%s: damaged in places (syntax or references): some surfaces may be missing", path)
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
         return dict(arrays)
 
 
-def welded(
+def weld(
     vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], patches: Int[ndarray, " f"]
 ) -> tuple[Float[ndarray, "w 3"], Int[ndarray, "g 3"], Int[ndarray, " g"]]:
-    """One vertex per position of each body, degenerate triangles dropped: vertices, faces and patches.
+    """Merge the vertices of each body by position, and drop degenerate triangles.
 
     Bodies that touch stay apart, so that each is closed.
 
@@ -133,18 +134,21 @@ def welded(
         vertices: Positions, equal ones bit by bit.
         faces: Vertex indices.
         patches: The patch of each face; those of a body follow each other.
+
+    Returns:
+        Vertices, faces and patches.
     """
     positions, index = np.unique(vertices, axis=0, return_inverse=True)
     merged = index.reshape(-1)[faces]
-    kept = (merged != np.roll(merged, 1, axis=1)).all(axis=1)
-    merged, patches = merged[kept], patches[kept]
-    corners = np.column_stack([np.repeat(_bodies(merged, patches), 3), merged.ravel()])
+    proper = (merged != np.roll(merged, 1, axis=1)).all(axis=1)
+    merged, patches = merged[proper], patches[proper]
+    corners = np.column_stack([np.repeat(_find_bodies(merged, patches), 3), merged.ravel()])
     used, index = np.unique(corners, axis=0, return_inverse=True)
     return positions[used[:, 1]], index.reshape(-1, 3), patches
 
 
-def _bodies(faces: Int[ndarray, "f 3"], patches: Int[ndarray, " f"]) -> Int[ndarray, " f"]:
-    """The body of each face: one ends at each patch that leaves no edge waiting for its second face."""
+def _find_bodies(faces: Int[ndarray, "f 3"], patches: Int[ndarray, " f"]) -> Int[ndarray, " f"]:
+    """Find the body of each face: one ends at each patch that leaves no edge without its second face."""
     ends = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     owners = np.repeat(patches, 3)
     order = np.lexsort((owners, ends[:, 1], ends[:, 0]))
@@ -158,11 +162,11 @@ def _bodies(faces: Int[ndarray, "f 3"], patches: Int[ndarray, " f"]) -> Int[ndar
     return np.append(0, np.cumsum(waiting == 0)[:-1])[patches]
 
 
-def length_unit(path: Path, text: str) -> float:
-    """Metres per length unit of a STEP file; of several, that of most contexts. Without any it is the millimetre.
+def parse_length_unit(path: Path, text: str) -> float:
+    """Parse the length unit of a STEP file, in metres: of several, that of most contexts; without any, the millimetre.
 
     Args:
-        path: What messages call the file.
+        path: Names the file in messages.
         text: The file's content.
     """
     plain = re.sub(r"'[^']*'|/\*.*?\*/", "", text, flags=re.DOTALL)
@@ -188,5 +192,5 @@ def _metres(records: dict[str, str], key: str, depth: int = 0) -> float | None:
     if si := SI_METRE.search(record):
         return PREFIXES.get(si[1]) if si[1] else 1.0
     measure = MEASURE.search(records.get(found[1], "") if (found := CONVERSION.search(record)) else "")
-    base = _metres(records, measure[2], depth + 1) if measure and depth < 5 else None
+    base = _metres(records, measure[2], depth + 1) if measure and depth < DEEPEST_UNIT else None
     return float(measure[1]) * base if measure and base else None

@@ -1,4 +1,4 @@
-"""A STEP file on standard input -> its triangles on standard output (.npz).
+"""Tessellation of a STEP file: read from standard input, triangles to standard output (.npz).
 
 Run as a script, never imported: a damaged file can crash the CAD kernel, and with it the process that called it.
 """
@@ -30,17 +30,17 @@ def main(tol_linear: float, tol_angular: float) -> None:
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # the kernel prints its complaints to standard output
     data = STYLES.sub(rb"\1()", sys.stdin.buffer.read())  # of a body in several colours only one keeps its face ids
-    coarse = _scene(cascadio.load(data, "step", tol_linear=COARSE, tol_angular=COARSE_ANGLE))
+    coarse = _load_scene(cascadio.load(data, "step", tol_linear=COARSE, tol_angular=COARSE_ANGLE))
     if not coarse.geometry:
         return
     tol_linear *= MILLIMETRES * float(coarse.extents.max())
     glb = cascadio.load(data, "step", tol_linear=tol_linear, tol_angular=tol_angular, include_brep=True)
     with output:
-        np.savez(output, **_arrays(_scene(glb)))
+        np.savez(output, **_collect_arrays(_load_scene(glb)))
 
 
-def _scene(glb: bytes) -> trimesh.Scene:
-    """What the kernel made of the file; it answers a file that it cannot read with no bytes."""
+def _load_scene(glb: bytes) -> trimesh.Scene:
+    """Load the kernel's answer, which has no bytes where it cannot read the file."""
     if not glb:
         return trimesh.Scene()
     scene = trimesh.load_scene(io.BytesIO(glb), file_type="glb", process=False)
@@ -48,8 +48,8 @@ def _scene(glb: bytes) -> trimesh.Scene:
     return scene
 
 
-def _arrays(scene: trimesh.Scene) -> dict[str, Any]:
-    """The triangles of every body in its place, patches counted through all bodies."""
+def _collect_arrays(scene: trimesh.Scene) -> dict[str, Any]:
+    """Collect the triangles of every body in its place, patches numbered through all bodies."""
     vertices: list[np.ndarray] = []
     faces: list[np.ndarray] = []
     patches: list[np.ndarray] = []

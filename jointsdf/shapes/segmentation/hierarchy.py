@@ -1,7 +1,7 @@
-"""Parts of any mesh from its geometry alone, as a hierarchy that can be cut at any number of parts.
+"""Segmentation of any mesh by its geometry: agglomerative clustering of smooth regions, cut at any number of parts.
 
 Smooth regions are merged in pairs, the cheapest first. Parts end at concave creases, at holes and where the thickness
-changes; convex edges, small regions and enclosed borders bind. Smooth regions are bisected where more parts are asked.
+changes; convex edges, small regions and enclosed borders bind. Smooth regions are bisected where more parts are wanted.
 """
 
 from dataclasses import dataclass
@@ -15,15 +15,16 @@ from jointsdf.errors import InputError
 from jointsdf.geometry.face_graph import face_graph, smooth_regions
 from jointsdf.geometry.mesh import face_areas
 from jointsdf.geometry.topology import components
-from jointsdf.shapes.segmentation.bisection import bisected
+from jointsdf.shapes.segmentation.bisection import bisect_regions
 from jointsdf.shapes.segmentation.merging import APART, SMALLEST, Merging
-from jointsdf.shapes.segmentation.region_features import measured
+from jointsdf.shapes.segmentation.region_features import measure_regions
 from jointsdf.values import LabelledMesh
 
-LEAVES = 64  # pieces that smooth regions are cut into, at least
+LEAVES = 64  # least number of pieces that smooth regions are bisected into
 FEWEST, MOST = 2, 18  # parts that are natural
-FINENESS = 0.25  # power of the number of parts in the choice of the natural one
-NOISE = 0.01  # cost below which no merge is dearer than another
+FINENESS = 0.25  # power of the number of parts in the choice of the natural number
+NOISE = 0.01  # added to costs, so that those far below it count as equal
+DIGITS = 9  # decimals by which numbers are compared, so that machines agree
 
 
 @dataclass(frozen=True)
@@ -33,8 +34,8 @@ class Hierarchy:
     Attributes:
         leaves: Finest piece of each face, 0, 1, ...
         areas: Of each piece, share of the whole.
-        merges: In their order: the piece that goes on, and the one that joins it with all that joined it before.
-        costs: Of each merge; never falling.
+        merges: In their order: the piece that stays, and the one that joins it with all that joined it before.
+        costs: Of each merge, ascending.
     """
 
     leaves: Int[ndarray, " f"]
@@ -55,26 +56,26 @@ class Hierarchy:
         if not 1 <= num_parts <= len(self.areas):
             raise InputError(f"num_parts={num_parts}: this mesh can be cut into 1 to {len(self.areas)} parts")
         owner = np.arange(len(self.areas))
-        for kept, joined in self.merges[: len(self.areas) - num_parts]:
-            owner[owner == owner[joined]] = owner[kept]
+        for stays, joins in self.merges[: len(self.areas) - num_parts]:
+            owner[owner == owner[joins]] = owner[stays]
         ids, parts = np.unique(owner, return_inverse=True)
-        area = np.bincount(parts, self.areas, minlength=len(ids)).round(9)
+        area = np.bincount(parts, self.areas, minlength=len(ids)).round(DIGITS)
         rank = np.argsort(np.argsort(-area, kind="stable"), kind="stable")
         labels: Int[ndarray, " f"] = rank[parts][self.leaves]
         return labels
 
     @property
     def natural_parts(self) -> int:
-        """The number of parts, 2 to 18, before the merge whose cost stands out most from the one before it.
+        """The number of parts, 2 to 18, before the merge with the largest ratio of its cost to the one before.
 
-        It is the ratio of the two costs that counts, and a little the number itself: the finer of two equals.
+        A small power of the number itself prefers the finer of two equals.
         """
         most = min(MOST, len(self.areas))
         if most < FEWEST:
             return most
         costs = np.concatenate([[0.0], self.costs]) + NOISE
         jump = np.log(costs[1:] / costs[:-1])[::-1][: most - 1]  # jump[k - 2]: from k to k - 1 parts
-        return FEWEST + int(np.argmax((jump * np.arange(FEWEST, most + 1) ** FINENESS).round(9)))
+        return FEWEST + int(np.argmax((jump * np.arange(FEWEST, most + 1) ** FINENESS).round(DIGITS)))
 
     def save(self, path: Path) -> None:
         """Write everything to an `.npz` file."""
@@ -87,11 +88,11 @@ class Hierarchy:
             return cls(arrays["leaves"], arrays["areas"], arrays["merges"], arrays["costs"])
 
 
-def hierarchy(mesh: LabelledMesh, patches: Int[ndarray, " f"] | None) -> Hierarchy:
-    """The hierarchy of parts of a mesh; its labels are not looked at.
+def build_hierarchy(mesh: LabelledMesh, patches: Int[ndarray, " f"] | None) -> Hierarchy:
+    """Build the hierarchy of parts of a mesh; its labels are ignored.
 
-    Every part is connected, unless it holds several bodies because fewer parts than bodies were asked for; no part
-    but a whole body is below 0.2% of the area.
+    Every part is connected, unless it holds several bodies because fewer parts than bodies are wanted; no part but a
+    whole body is below 0.2% of the area.
 
     Args:
         mesh: Any frame; open, non-manifold and of several bodies if need be, without degenerate faces.
@@ -99,16 +100,16 @@ def hierarchy(mesh: LabelledMesh, patches: Int[ndarray, " f"] | None) -> Hierarc
     """
     size = np.linalg.norm(np.ptp(mesh.vertices, axis=0))
     centres = (mesh.vertices[mesh.faces].mean(axis=1) - mesh.vertices.mean(axis=0)) / size
-    order = np.lexsort(centres.round(9).T)  # everything below then breaks ties by place, not by the faces' order
+    order = np.lexsort(centres.round(DIGITS).T)  # everything below then breaks ties by place, not by the faces' order
     mesh, centres = LabelledMesh(mesh.vertices, mesh.faces[order], mesh.labels[order]), centres[order]
     graph, areas = face_graph(mesh), face_areas(mesh)
     areas = areas / areas.sum()
     regions = smooth_regions(graph, None if patches is None else patches[order])
-    merges, costs, absorbed = Merging(measured(mesh, graph, regions)).run()
-    merges, costs = _with_bodies(merges, costs, areas, centres, regions)
-    atoms, merges, costs = _without_first(absorbed, merges, costs, regions)
-    ways = np.linalg.norm(centres[graph.pairs[:, 0]] - centres[graph.pairs[:, 1]], axis=1)
-    pieces, cuts = bisected(atoms, graph.pairs, ways, centres, areas, LEAVES, SMALLEST)
+    merges, costs, absorbed = Merging(measure_regions(mesh, graph, regions)).run()
+    merges, costs = _merge_bodies(merges, costs, areas, centres, regions)
+    atoms, merges, costs = _absorb_first(absorbed, merges, costs, regions)
+    lengths = np.linalg.norm(centres[graph.pairs[:, 0]] - centres[graph.pairs[:, 1]], axis=1)
+    pieces, cuts = bisect_regions(atoms, graph.pairs, lengths, centres, areas, LEAVES, SMALLEST)
     leaves = np.zeros_like(pieces)
     leaves[order] = pieces
     return Hierarchy(
@@ -119,16 +120,16 @@ def hierarchy(mesh: LabelledMesh, patches: Int[ndarray, " f"] | None) -> Hierarc
     )
 
 
-def _with_bodies(
+def _merge_bodies(
     merges: Int[ndarray, "m 2"],
     costs: Float[ndarray, " m"],
     areas: Float[ndarray, " f"],
     centres: Float[ndarray, "f 3"],
     regions: Int[ndarray, " f"],
 ) -> tuple[Int[ndarray, "n 2"], Float[ndarray, " n"]]:
-    """The merges, followed by those of bodies that do not touch: the smallest joins the one with the nearest centre."""
+    """Append merges of bodies that do not touch: the smallest joins the one with the nearest centre."""
     body = components(merges, int(regions.max()) + 1)
-    names = np.unique(body, return_index=True)[1]  # the region that goes on is the body's lowest: a < b in each merge
+    names = np.unique(body, return_index=True)[1]  # the region that stays is the body's lowest: a < b in each merge
     size = np.bincount(body[regions], areas)
     moment = np.stack([np.bincount(body[regions], areas * axis) for axis in centres.T], axis=1)
     joined = []
@@ -145,9 +146,9 @@ def _with_bodies(
     return np.concatenate([merges, extra]), np.concatenate([costs, np.full(len(extra), APART)])
 
 
-def _without_first(
+def _absorb_first(
     absorbed: int, merges: Int[ndarray, "m 2"], costs: Float[ndarray, " m"], regions: Int[ndarray, " f"]
 ) -> tuple[Int[ndarray, " f"], Int[ndarray, "n 2"], Float[ndarray, " n"]]:
-    """Regions after the first merges, numbered anew, and the other merges in the new numbers."""
+    """Apply the first merges: the renumbered regions, and the other merges in the new numbers."""
     number = components(merges[:absorbed], int(regions.max()) + 1)
     return number[regions], number[merges[absorbed:]], costs[absorbed:]

@@ -1,4 +1,4 @@
-"""In which order regions are merged into parts, and at which cost."""
+"""Greedy agglomerative merging of regions into parts, the cheapest pair first."""
 
 import heapq
 
@@ -6,23 +6,23 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.shapes.segmentation.region_features import Regions
+from jointsdf.shapes.segmentation.region_features import RegionFeatures
 
 SMALLEST = 0.002  # share of the area below which a region is no part
-CONCAVE, CONVEX, HOLLOW, THICKNESS, TANGENT = 1.0, 0.01, 0.5, 0.05, 0.002  # weights of what separates two regions
+CONCAVE, CONVEX, HOLLOW, THICKNESS, TANGENT = 1.0, 0.01, 0.5, 0.05, 0.002  # weights in the cost of a merge
 CONTACT = 1.2  # less the contact: a region that its neighbour encloses is bound the most
 GROWTH = 0.4  # power of the smaller region's area
-APART = 1.0  # cost of taking two bodies for one part
+APART = 1.0  # cost of merging two bodies
 
 
 class Merging:
-    """Regions that are merged in pairs until one is left.
+    """State of the merging: features of the regions so far and of their borders.
 
     Args:
         regions: In an order that does not depend on the order of the faces, which breaks ties.
     """
 
-    def __init__(self, regions: Regions) -> None:
+    def __init__(self, regions: RegionFeatures) -> None:
         self._areas = regions.areas.tolist()
         self._thickness = regions.thickness.tolist()
         self._hollow = regions.hollow.tolist()
@@ -39,11 +39,11 @@ class Merging:
         self._costs: list[float] = []
 
     def run(self) -> tuple[Int[ndarray, "m 2"], Float[ndarray, " m"], int]:
-        """Merge everything that touches, too small regions first.
+        """Merge all regions that touch, too small ones first.
 
         Returns:
-            The merges in their order (the region that goes on, the one that joins it), their costs, and how many of
-            the first were only to absorb regions that are too small for a part.
+            The merges in their order (the region that stays, the one that joins it), their costs, and how many of the
+            first merges only absorb regions that are too small for a part.
         """
         heap = [self._candidate(a, b) for a in range(len(self._areas)) for b in self._borders[a] if a < b]
         heapq.heapify(heap)
@@ -60,11 +60,11 @@ class Merging:
         return np.array(self._merges, dtype=np.int64).reshape(-1, 2), np.array(self._costs), absorbed
 
     def _candidate(self, a: int, b: int) -> tuple[bool, float, int, int]:
-        """What the merge of two regions, a < b, is sorted by."""
+        """Sort key of the merge of two regions, a < b."""
         return min(self._areas[a], self._areas[b]) >= SMALLEST, float(f"{self._cost(a, b):.7g}"), a, b
 
     def _cost(self, a: int, b: int) -> float:
-        """How much separates two regions that touch."""
+        """Cost of merging two regions that touch."""
         length, concave, convex = self._borders[a][b]
         contact = length / min(self._perimeter[a], self._perimeter[b])
         pocket = min(self._hollow[a], self._hollow[b])
@@ -76,7 +76,7 @@ class Merging:
         return cost
 
     def _merge(self, a: int, b: int, cost: float) -> None:
-        """Let b join a."""
+        """Merge b into a."""
         self._merges.append((a, b))
         self._costs.append(cost)
         share = self._areas[b] / (self._areas[a] + self._areas[b])

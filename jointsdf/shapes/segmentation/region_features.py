@@ -1,4 +1,4 @@
-"""What is known of the smooth regions of a mesh, the pieces that a part is made of: creases, thickness, curvature."""
+"""Features of smooth regions and of their borders, by which regions are merged: creases, thickness, curvature."""
 
 from dataclasses import dataclass
 
@@ -8,20 +8,21 @@ from numpy import ndarray
 
 from jointsdf.geometry.face_graph import CREASE, FaceGraph
 from jointsdf.geometry.mesh import face_areas
-from jointsdf.shapes.segmentation.ray_features import surroundings
+from jointsdf.shapes.segmentation.ray_features import ambient_occlusion, shape_diameter, spread_points
 from jointsdf.values import LabelledMesh
 
 RIGHT_ANGLE = np.pi / 2
+TINY = 1e-12  # diagonals: least length to divide by
 
 
 @dataclass(frozen=True)
-class Regions:
-    """What is known of each region, and of each two regions that touch.
+class RegionFeatures:
+    """Features of each region, and of each pair of regions that touch.
 
     Attributes:
         areas: Share of the whole area, > 0.
-        thickness: Natural logarithm of the typical local thickness in diagonals of the mesh.
-        hollow: How much the region is like the wall of a hole or pocket, curved inward or enclosed: 0..1.
+        thickness: Mean logarithm of the shape diameter, in diagonals of the mesh.
+        hollow: Likeness to the wall of a hole or pocket, the larger of inward curvature and ambient occlusion: 0..1.
         pairs: Two regions that touch, the smaller index first; each pair once.
         lengths: Of their shared border, in diagonals of the mesh.
         concave: Mean concave angle along that border, in right angles.
@@ -37,13 +38,21 @@ class Regions:
     convex: Float[ndarray, " b"]
 
 
-def measured(mesh: LabelledMesh, graph: FaceGraph, regions: Int[ndarray, " f"]) -> Regions:
-    """What is known of the regions 0, 1, .. of a mesh and of their borders, free of the mesh's size and pose."""
+def measure_regions(mesh: LabelledMesh, graph: FaceGraph, regions: Int[ndarray, " f"]) -> RegionFeatures:
+    """Measure the regions of a mesh and their borders, independently of the mesh's size and pose.
+
+    Args:
+        mesh: Any frame.
+        graph: Of the mesh.
+        regions: Region of each face, 0, 1, ...
+    """
     count = int(regions.max()) + 1
     diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     weights = face_areas(mesh) / diagonal**2
     areas = np.bincount(regions, weights, minlength=count)
-    thickness, occluded = surroundings(mesh, regions)
+    surface = spread_points(mesh)
+    thickness = surface.region_means(np.log(shape_diameter(surface)), regions)
+    occluded = surface.region_means(ambient_occlusion(surface), regions)
     sides = regions[graph.pairs]
     lengths = graph.lengths / diagonal
     inside = sides[:, 0] == sides[:, 1]
@@ -52,14 +61,14 @@ def measured(mesh: LabelledMesh, graph: FaceGraph, regions: Int[ndarray, " f"]) 
     hollow = np.maximum(curled, occluded)
     sides, lengths, angles = np.sort(sides[~inside], axis=1), lengths[~inside], graph.angles[~inside]
     perimeter = np.bincount(sides.ravel(), np.repeat(lengths, 2), minlength=count)
-    turning = np.maximum(-bend, 0) / np.maximum(perimeter / 2, 1e-12)
+    turning = np.maximum(-bend, 0) / np.maximum(perimeter / 2, TINY)
     concave, convex = _edge_creases(sides, angles, turning, curled)
     keys, index = np.unique(sides[:, 0] * count + sides[:, 1], return_inverse=True)
     total = np.bincount(index, lengths, minlength=len(keys))
-    safe = np.maximum(total, 1e-12)
+    safe = np.maximum(total, TINY)
     concave, convex = (np.bincount(index, lengths * angle, minlength=len(keys)) / safe for angle in (concave, convex))
     pairs = np.stack([keys // count, keys % count], axis=1)
-    return Regions(areas / areas.sum(), thickness, hollow, pairs, safe, concave, convex)
+    return RegionFeatures(areas / areas.sum(), thickness, hollow, pairs, safe, concave, convex)
 
 
 def _edge_creases(
@@ -70,8 +79,8 @@ def _edge_creases(
 ) -> tuple[Float[ndarray, " p"], Float[ndarray, " p"]]:
     """Concave and convex angle of each edge between two regions, in right angles.
 
-    A fillet meets its neighbours without a crease: there the edge has the angle by which the fillet turns, so that
-    the faces on its two sides do not flow together through it. Two pieces of one hollow are no such case.
+    A fillet meets its neighbours without a crease: there the edge gets the angle by which the fillet turns, so that
+    the faces on its two sides are not merged through it. Two pieces of one hollow are no such case.
     """
     one, other = curled[sides].T
     through = np.minimum(turning[sides].max(axis=1), RIGHT_ANGLE) * np.abs(one - other)

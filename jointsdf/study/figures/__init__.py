@@ -1,1 +1,1 @@
-"""Every figure of a study. Plots of rows are `jointsdf.study`'s; here are the pictures of meshes, and the command."""
+"""Figures of a study: plots of rows, loss curves, pictures of meshes, and their command line."""

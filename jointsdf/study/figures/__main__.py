@@ -6,16 +6,17 @@ import sys
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
-from jointsdf.runs.csv import DEFAULT_PROTOCOL
+from jointsdf.runs.records import DEFAULT_PROTOCOL
 from jointsdf.runs.row import ResultRow
 from jointsdf.study.__main__ import add_folders, add_heads
-from jointsdf.study.collect import collect, gather
-from jointsdf.study.comparisons import SUFFIX, Group, families, shown_alone, split
+from jointsdf.study.collect import collect, load_rows
+from jointsdf.study.families import groups_with_own_tables, join_variants
 from jointsdf.study.figures.loss_curves import loss_curves
 from jointsdf.study.figures.plots import PLOTS
 from jointsdf.study.figures.renderings import failures, triptychs
 from jointsdf.study.figures.style import Drawing, write_drawing
-from jointsdf.study.missing_runs import find_gaps
+from jointsdf.study.groups import SUFFIX, Group, group_runs
+from jointsdf.study.missing_runs import find_missing_runs
 from jointsdf.study.tables.write import FIGURES
 
 log = logging.getLogger("jointsdf.study.figures")
@@ -24,7 +25,7 @@ FROM_RUN_FOLDERS = {"triptychs": triptychs, "failures": failures, "loss_curves":
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns the exit code, 2 for what the user can mend."""
+    """Run the command; returns the exit code, 2 for an error that the user can fix."""
     parser = argparse.ArgumentParser(prog="python -m jointsdf.figures", description="Figures of the runs.")
     add_folders(parser)
     add_heads(parser)
@@ -32,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     logging.getLogger("fontTools").setLevel(logging.WARNING)
     try:
-        rows = gather(options.outputs, options.results, options.heads)
+        rows = load_rows(options.outputs, options.results, options.heads)
         for path in write_figures(rows, options.outputs, options.heads):
             log.info(path)
     except (ValueError, OSError) as error:
@@ -42,22 +43,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def write_figures(rows: Sequence[ResultRow], outputs: Path, heads: Collection[str] | None = None) -> list[Path]:
-    """Write every figure of every group of at least two runs; delete the figures of groups gone since.
+    """Write every figure of every group of at least two runs; delete the figures of groups that are gone.
 
-    A figure that needs what lies in run folders is made from those there are; what is missing is logged, a line each.
+    A figure of files in run folders shows the runs that have them; missing ones are logged, one line per figure.
 
     Args:
-        rows: Of the runs.
+        rows: Result rows.
         outputs: Folder of the studies; the figures go to its `figures/`.
-        heads: Those that the rows were chosen by; None for all.
+        heads: The heads that the rows were selected by; None for all.
 
     Raises:
         OSError: The folder cannot be written.
     """
     folder = outputs / FIGURES
     written: list[Path] = []
-    groups = split(collect(rows), find_gaps(outputs, rows, heads))
-    for group in shown_alone(groups, families(groups)):
+    groups = group_runs(collect(rows), find_missing_runs(outputs, rows, heads))
+    for group in groups_with_own_tables(groups, join_variants(groups)):
         if len(group.runs) > 1:
             for name, drawing in _drawings(group, outputs):
                 written += write_drawing(drawing, folder / (name + group.suffix))

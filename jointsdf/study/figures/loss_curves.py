@@ -1,4 +1,4 @@
-"""Loss curves from the TensorBoard event files of the runs; no torch, no TensorFlow."""
+"""Loss curves from the TensorBoard event files of the runs, read without torch or TensorFlow."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 
 from jointsdf.study.captions import caption
-from jointsdf.study.comparisons import Comparison, Group, compare
-from jointsdf.study.figures.style import STYLE, Drawing, legend, look, panels
+from jointsdf.study.comparisons import Comparison, compare
+from jointsdf.study.figures.style import STYLE, Drawing, add_legend, head_style, make_panels
+from jointsdf.study.groups import Group
 
 BOARD, PREFIX, TOTAL = "tb", "loss/", "total"
 log = logging.getLogger(__name__)
@@ -19,19 +20,19 @@ Curves = dict[str, pd.Series]  # name -> value by step
 
 
 def run_folder(outputs: Path, run: pd.Series) -> Path:
-    """Where a run's files lie."""
+    """Folder of a run's files."""
     return outputs.joinpath(*(str(run[name]) for name in ("study", "variant", "head", "shape")), f"seed{run['seed']}")
 
 
 def loss_curves(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
-    """Each term of the loss over the steps, a line per head: median over the shapes, with the quartiles.
+    """Each loss term over the steps, a line per head: median over the runs, with the quartiles.
 
     Args:
         group: Runs that may be compared.
         outputs: Folder of the studies.
 
     Returns:
-        The figure, None where no run has curves; and a line for each run without.
+        The figure, None where no run has curves; and a message for each run without.
     """
     comparison = compare(group, baseline=True)
     found: dict[str, list[Curves]] = {head: [] for head in comparison.heads}
@@ -49,18 +50,18 @@ def loss_curves(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]
 
 
 def read_curves(folder: Path, prefix: str = PREFIX) -> Curves:
-    """Every loss term in a folder of event files, or whatever has the prefix; empty where there is none."""
+    """Read the scalars of a folder of event files whose tag has the prefix, by default the loss terms."""
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
     if not any(folder.glob("events.*")):
         return {}
-    logging.getLogger("tensorboard").setLevel(logging.ERROR)  # what a killed run left of its last record is expected
+    logging.getLogger("tensorboard").setLevel(logging.ERROR)  # a killed run may leave a partial last record
     events = EventAccumulator(str(folder), size_guidance={"scalars": 0, "images": 1, "tensors": 1})
     events.Reload()
     curves = {}
     for tag in events.Tags()["scalars"]:
         if tag.startswith(prefix):
-            by_step = {event.step: event.value for event in events.Scalars(tag)}  # a resumed run: its last word
+            by_step = {event.step: event.value for event in events.Scalars(tag)}  # of a resumed run: the last value
             curves[tag.removeprefix(prefix)] = pd.Series(by_step, dtype=float).sort_index()
     return curves
 
@@ -71,13 +72,13 @@ def _draw(comparison: Comparison, found: Mapping[str, Sequence[Curves]]) -> Draw
     heads = [head for head in comparison.heads if found[head]]
     with mpl.rc_context(STYLE):
         rows = -(-len(terms) // 3)
-        figure, axes = panels(rows, 3, 0.35 + 1.7 * rows)
+        figure, axes = make_panels(rows, 3, 0.35 + 1.7 * rows)
         for ax, term in zip(axes, terms, strict=False):
             for head in heads:
                 lines = pd.DataFrame({k: curves[term] for k, curves in enumerate(found[head]) if term in curves})
                 if lines.empty:
                     continue
-                style = look(head, comparison.heads)
+                style = head_style(head, comparison.heads)
                 low, middle, high = (lines.quantile(q, axis="columns") for q in (0.25, 0.5, 0.75))
                 ax.fill_between(lines.index, low, high, color=style["color"], alpha=0.15, linewidth=0)
                 ax.plot(lines.index, middle, color=style["color"], linestyle=style["linestyle"], label=head)
@@ -87,7 +88,7 @@ def _draw(comparison: Comparison, found: Mapping[str, Sequence[Curves]]) -> Draw
                 ax.set_yscale("log")
         for ax in axes[len(terms) :]:
             ax.set_axis_off()
-        legend(figure, heads, lines=True)
+        add_legend(figure, heads, lines=True)
     counts = ", ".join(f"{head} {len(found[head])}" for head in heads)
     what = (
         f"Loss terms (not weighted; total: weighted sum) over the steps: median and quartiles over the runs ({counts})"

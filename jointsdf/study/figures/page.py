@@ -1,4 +1,4 @@
-"""Rows of pictures on a page, with titles, notes and colour scales."""
+"""Page of pictures: rows with titles, notes and colour scales."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,13 +16,14 @@ from numpy import ndarray
 from jointsdf.study.figures.style import STYLE, WIDTH
 
 HEAT = "YlOrRd"
+TRIM_MARGIN = 8  # pixels
 
 Picture = UInt8[ndarray, "h w 3"]
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of pictures.
+    """One row of pictures.
 
     Attributes:
         title: At its left.
@@ -37,17 +38,17 @@ class Row:
     heat: float | None = None
 
 
-def trimmed(pictures: Sequence[Picture]) -> list[Picture]:
-    """The pictures without the rows of pixels that are white in all of them, but for a margin."""
+def trim(pictures: Sequence[Picture]) -> list[Picture]:
+    """Crop the rows of pixels that are white in all pictures, up to a margin."""
     rows = np.flatnonzero((np.concatenate(pictures, axis=1) < 255).any(axis=(1, 2)))
     if not len(rows):
         return list(pictures)
-    low, high = max(rows[0] - 8, 0), rows[-1] + 8
+    low, high = max(rows[0] - TRIM_MARGIN, 0), rows[-1] + TRIM_MARGIN
     return [picture[low:high] for picture in pictures]
 
 
-def page(rows: Sequence[Row], titles: Sequence[str]) -> Figure:
-    """The rows below each other, pictures in columns under their titles."""
+def draw_page(rows: Sequence[Row], titles: Sequence[str]) -> Figure:
+    """Draw the rows below each other, pictures in columns under their titles."""
     left, gap, head, note = 0.85, 0.06, 0.25, 0.24
     scale = 0.56 if any(row.heat for row in rows) else 0.0
     side = (WIDTH - left - scale) / len(titles) - gap

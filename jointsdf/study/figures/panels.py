@@ -1,4 +1,4 @@
-"""What is drawn inside one panel of a plot."""
+"""Panels of the plots: boxes by head, scatter plots, values over the number of parts."""
 
 import math
 from collections.abc import Mapping
@@ -9,19 +9,20 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from jointsdf.study.comparisons import Comparison
-from jointsdf.study.figures.style import INK, PALE, dodge, look
+from jointsdf.study.figures.style import INK, PALE, dodge, head_style
 from jointsdf.study.statistics import per_shape
 from jointsdf.study.tables.columns import Column
 from jointsdf.study.tables.main import PART_COUNTS
 
+LOG_RATIO = 20  # largest over smallest value from which an axis is logarithmic
 POINTS: dict[str, Any] = {"linestyle": "", "alpha": 0.75, "mew": 0}
 REFERENCES: dict[str, Any] = {"floor": "--", "ceiling": ":"}  # line styles
 
 
-def boxes(ax: Axes, comparison: Comparison, column: Column) -> None:
-    """A box and every shape's value per head, and the means of floor and ceiling as lines."""
+def draw_boxes(ax: Axes, comparison: Comparison, column: Column) -> None:
+    """Draw a box and every shape's value per head, and the means of floor and ceiling as lines."""
     for place, head in enumerate(comparison.heads):
-        style = look(head, comparison.heads)
+        style = head_style(head, comparison.heads)
         values = np.array([*per_shape(comparison.of(head), column.metric).values()])
         values = values[~np.isnan(values)]
         ax.boxplot(
@@ -45,8 +46,8 @@ def boxes(ax: Axes, comparison: Comparison, column: Column) -> None:
     ax.grid(visible=False, axis="x")
 
 
-def scatter(ax: Axes, comparison: Comparison, x: Column, y: Column, *, error: bool) -> None:
-    """A point per head and shape.
+def draw_scatter(ax: Axes, comparison: Comparison, x: Column, y: Column, *, error: bool) -> None:
+    """Draw a point per head and shape.
 
     Args:
         ax: Panel.
@@ -58,7 +59,7 @@ def scatter(ax: Axes, comparison: Comparison, x: Column, y: Column, *, error: bo
     for head in comparison.heads:
         across, up = (per_shape(comparison.of(head), column.metric) for column in (x, y))
         heights = [1 - value if error else value for value in up.values()]
-        style = look(head, comparison.heads) | POINTS
+        style = head_style(head, comparison.heads) | POINTS
         ax.plot([*across.values()], heights, markersize=4, label=head, **style)
     ax.set_xlabel(x.name + x.unit)
     ax.set_ylabel(rf"1 $-$ {y.name}" if error else y.header)
@@ -66,21 +67,22 @@ def scatter(ax: Axes, comparison: Comparison, x: Column, y: Column, *, error: bo
 
 
 def _log_where_wide(ax: Axes, values: pd.Series) -> None:
+    """Make the x axis logarithmic where positive values span more than `LOG_RATIO`."""
     present = values.dropna()
-    if not present.empty and present.min() > 0 and present.max() > 20 * present.min():
+    if not present.empty and present.min() > 0 and present.max() > LOG_RATIO * present.min():
         ax.set_xscale("log")
 
 
-def by_parts(
+def draw_by_parts(
     ax: Axes, values: Mapping[str, float], counts: Mapping[str, int], style: Mapping[str, Any], shift: float
 ) -> None:
-    """A head's values over the number of parts, and their mean in each range.
+    """Draw a head's values over the number of parts, and their mean in each range.
 
     Args:
         ax: Panel.
         values: Shape -> value.
         counts: Shape -> number of parts.
-        style: From `look`.
+        style: From `head_style`.
         shift: Sideways, to keep heads apart.
     """
     places = np.array([counts[shape] for shape in values], dtype=float)

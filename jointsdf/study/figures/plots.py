@@ -1,13 +1,14 @@
-"""Figures of the rows alone: metrics by head, one against another, against time and against the number of parts."""
+"""Plots of the rows: metrics by head, against each other, against time and against the number of parts."""
 
 import matplotlib as mpl
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from jointsdf.study.captions import caption, measured_on
-from jointsdf.study.comparisons import Comparison, Group, compare
-from jointsdf.study.figures.panels import REFERENCES, boxes, by_parts, scatter
-from jointsdf.study.figures.style import INK, PALE, STYLE, Drawing, legend, look, panels
+from jointsdf.study.captions import caption, describe_machines
+from jointsdf.study.comparisons import Comparison, compare
+from jointsdf.study.figures.panels import REFERENCES, draw_boxes, draw_by_parts, draw_scatter
+from jointsdf.study.figures.style import INK, PALE, STYLE, Drawing, add_legend, head_style, make_panels
+from jointsdf.study.groups import Group
 from jointsdf.study.statistics import per_shape, summarise
 from jointsdf.study.tables.columns import (
     ACC,
@@ -35,14 +36,14 @@ def metric_comparison(group: Group) -> Drawing | None:
     if not columns or not comparison.shapes:
         return None
     with mpl.rc_context(STYLE):
-        figure, axes = panels(-(-len(columns) // 4), 4, 0.35 + 1.75 * -(-len(columns) // 4))
+        figure, axes = make_panels(-(-len(columns) // 4), 4, 0.35 + 1.75 * -(-len(columns) // 4))
         for ax, column in zip(axes, columns, strict=False):
-            boxes(ax, comparison, column)
+            draw_boxes(ax, comparison, column)
         for ax in axes[len(columns) :]:
             ax.set_axis_off()
         shown = {str(line.get_label()) for ax in axes for line in ax.lines}
         others = [Line2D([], [], color=PALE, linestyle=REFERENCES[kind], label=kind) for kind in REFERENCES]
-        legend(figure, comparison.heads, others=[line for line in others if line.get_label() in shown])
+        add_legend(figure, comparison.heads, others=[line for line in others if line.get_label() in shown])
     what = (
         f"Metrics by head on the {len(comparison.shapes)} shapes that every head was run on: each point a shape, box: "
         "quartiles and median, whiskers to 1.5 interquartile ranges; dashed: mean of the floor (the ground truth "
@@ -58,10 +59,10 @@ def error_scatter(group: Group) -> Drawing | None:
     if not pairs:
         return None
     with mpl.rc_context(STYLE):
-        figure, axes = panels(1, len(pairs), 2.9)
+        figure, axes = make_panels(1, len(pairs), 2.9)
         for ax, (x, y) in zip(axes, pairs, strict=True):
-            scatter(ax, comparison, x, y, error=True)
-        legend(figure, comparison.heads)
+            draw_scatter(ax, comparison, x, y, error=True)
+        add_legend(figure, comparison.heads)
     what = f"Segmentation error over reconstruction error, a point per head and shape ({len(comparison.shapes)} shapes)"
     return Drawing(figure, caption(what, comparison, unequal=False))
 
@@ -73,19 +74,19 @@ def time_quality(group: Group) -> Drawing | None:
     if not columns or not _has(comparison, SECONDS):
         return None
     with mpl.rc_context(STYLE):
-        figure, axes = panels(1, len(columns), 2.9)
+        figure, axes = make_panels(1, len(columns), 2.9)
         for ax, column in zip(axes, columns, strict=True):
-            scatter(ax, comparison, SECONDS, column, error=False)
+            draw_scatter(ax, comparison, SECONDS, column, error=False)
             for head in comparison.heads:
                 runs = comparison.of(head)
                 means = [summarise(per_shape(runs, name.metric).values()).mean for name in (SECONDS, column)]
-                style = look(head, comparison.heads)
+                style = head_style(head, comparison.heads)
                 ax.plot(*means, marker=style["marker"], color=style["color"], markersize=10, mec=INK, mew=1.0, zorder=5)
-        legend(figure, comparison.heads)
+        add_legend(figure, comparison.heads)
     what = (
         "Quality over the seconds of a whole run: small, a point per head and shape; large and outlined, a head's "
         "mean. "
-        f"{measured_on(comparison.runs)}"
+        f"{describe_machines(comparison.runs)}"
     )
     return Drawing(figure, caption(what, comparison, unequal=False))
 
@@ -98,17 +99,19 @@ def part_count(group: Group) -> Drawing | None:
         return None
     counts = {str(shape): int(parts) for shape, parts in comparison.runs.groupby("shape")["num_parts"].max().items()}
     with mpl.rc_context(STYLE):
-        figure, axes = panels(-(-len(columns) // 2), 2, 0.35 + 2.1 * -(-len(columns) // 2))
+        figure, axes = make_panels(-(-len(columns) // 2), 2, 0.35 + 2.1 * -(-len(columns) // 2))
         for ax, column in zip(axes, columns, strict=False):
             for place, head in enumerate(comparison.heads):
                 shift = 0.14 * (place - (len(comparison.heads) - 1) / 2)
-                by_parts(ax, per_shape(comparison.of(head), column.metric), counts, look(head, comparison.heads), shift)
+                draw_by_parts(
+                    ax, per_shape(comparison.of(head), column.metric), counts, head_style(head, comparison.heads), shift
+                )
             ax.set_xlabel("parts of the ground truth")
             ax.set_ylabel(column.header)
             ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         for ax in axes[len(columns) :]:
             ax.set_axis_off()
-        legend(figure, comparison.heads)
+        add_legend(figure, comparison.heads)
     what = (
         f"Metrics over the number of parts of the {len(comparison.shapes)} shapes that every head was run on: a point "
         "per head and shape, bars: means over 2-4, 5-8, 9-18 and more than 18 parts"

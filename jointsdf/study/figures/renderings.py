@@ -1,4 +1,4 @@
-"""Pictures of meshes on a page: ground truth beside predictions, and the worst runs with their errors."""
+"""Pages of rendered meshes: ground truth next to predictions, and the worst runs with their errors."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,19 +12,22 @@ from numpy import ndarray
 
 from jointsdf.errors import InputError
 from jointsdf.study.captions import caption
-from jointsdf.study.comparisons import Group, compare
+from jointsdf.study.comparisons import compare
 from jointsdf.study.figures.loss_curves import run_folder
-from jointsdf.study.figures.page import HEAT, Row, page, trimmed
+from jointsdf.study.figures.page import HEAT, Row, draw_page, trim
 from jointsdf.study.figures.run_meshes import Pair, load_pair
 from jointsdf.study.figures.style import Drawing
+from jointsdf.study.groups import Group
 from jointsdf.values import LabelledMesh
 from jointsdf.viewing.render import render
 
 PIXELS: dict[str, Any] = {"width": 600, "height": 450}
 PREFERRED = ("hybrid", "siren", "relu", "deep_skip")  # the paper shows the first two
 TRIPTYCHS = 6
+HEAT_QUANTILE = 0.999  # of the distances, at the end of the colour scale
+LEAST_HEAT = 1e-4  # of the longest side: the least end of the scale
 RIGHT, WRONG = (225, 225, 225), (178, 24, 43)
-CRITERIA = {  # column: header, whether the largest is worst
+CRITERIA = {  # column: name, whether the largest is worst
     "cd_l1_over_floor": ("CD$_{L1}$/floor", True),
     "surface_p99": ("surface p99", True),
     "miou_exact": ("mIoU exact", False),
@@ -34,14 +37,14 @@ CRITERIA = {  # column: header, whether the largest is worst
 def triptychs(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
     """Ground truth and two heads in part colours, a row per shape, one camera per row.
 
-    Shapes: spread evenly over the number of parts, so that nobody picks them.
+    The shapes are spread evenly over the number of parts, not chosen by hand.
 
     Args:
         group: Runs that may be compared.
         outputs: Folder of the studies.
 
     Returns:
-        The figure, None where nothing can be shown; and a line for each run that cannot.
+        The figure, None where no run can be shown; and a message for each run that cannot.
     """
     comparison = compare(group, baseline=False)
     heads = [head for head in (*PREFERRED, *comparison.heads) if head in comparison.heads]
@@ -69,7 +72,7 @@ def triptychs(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
         "the ground truth's part that it covers best, one to one. Shapes: spread evenly over the number of parts"
     )
     titles = ["ground truth", *heads]
-    return Drawing(page(rows, titles), caption(what, comparison, unequal=False)), missing
+    return Drawing(draw_page(rows, titles), caption(what, comparison, unequal=False)), missing
 
 
 def failures(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
@@ -80,7 +83,7 @@ def failures(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
         outputs: Folder of the studies.
 
     Returns:
-        The figure, None where nothing can be shown; and a line for each run that cannot.
+        The figure, None where no run can be shown; and a message for each run that cannot.
     """
     comparison = compare(group, baseline=False)
     runs = comparison.runs[comparison.runs["status"] == "ok"]
@@ -104,28 +107,28 @@ def failures(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
         "is not the ground truth's"
     )
     titles = ["ground truth", "prediction", "truth to prediction", "prediction to truth", "wrong labels"]
-    return Drawing(page(rows, titles), caption(what, comparison, unequal=False)), missing
+    return Drawing(draw_page(rows, titles), caption(what, comparison, unequal=False)), missing
 
 
 def _triptych_row(title: str, pairs: Sequence[Pair], runs: Sequence[pd.Series]) -> Row:
     truth = pairs[0].truth.mesh
     pictures = [render(truth, **PIXELS), *(render(pair.matched, framed=truth, **PIXELS) for pair in pairs)]
     notes = [f"mIoU exact {run['miou_exact']:.3f}, CD/floor {run['cd_l1_over_floor']:.2f}" for run in runs]
-    return Row(title, trimmed(pictures), ["", *notes])
+    return Row(title, trim(pictures), ["", *notes])
 
 
 def _failure_row(title: str, pair: Pair) -> Row:
     truth = pair.truth.mesh
-    end = max(float(np.quantile(np.concatenate([pair.error, pair.missed]), 0.999)), 1e-4)
+    end = max(float(np.quantile(np.concatenate([pair.error, pair.missed]), HEAT_QUANTILE)), LEAST_HEAT)
     label_colours = np.where(pair.wrong[:, None], WRONG, RIGHT).astype(np.uint8)
     pictures = [
         render(truth, **PIXELS),
         render(pair.matched, framed=truth, **PIXELS),
-        render(_plain(truth), colours=_heat(pair.missed / end), **PIXELS),
-        render(_plain(pair.predicted), framed=truth, colours=_heat(pair.error / end), **PIXELS),
+        render(_plain(truth), colours=heat_colours(pair.missed / end), **PIXELS),
+        render(_plain(pair.predicted), framed=truth, colours=heat_colours(pair.error / end), **PIXELS),
         render(_plain(pair.predicted), framed=truth, colours=label_colours, **PIXELS),
     ]
-    return Row(title, trimmed(pictures), [""] * len(pictures), heat=100 * end)
+    return Row(title, trim(pictures), [""] * len(pictures), heat=100 * end)
 
 
 def _plain(mesh: LabelledMesh) -> LabelledMesh:
@@ -133,6 +136,7 @@ def _plain(mesh: LabelledMesh) -> LabelledMesh:
     return LabelledMesh(mesh.vertices, mesh.faces, np.zeros_like(mesh.labels))
 
 
-def _heat(shares: Float[ndarray, " f"]) -> UInt8[ndarray, "f 3"]:
+def heat_colours(shares: Float[ndarray, " f"]) -> UInt8[ndarray, "f 3"]:
+    """Colours (sRGB) of shares, light for 0 and dark for 1; clipped outside."""
     colours: ndarray = colormaps[HEAT](np.clip(shares, 0, 1), bytes=True)[:, :3]
     return colours

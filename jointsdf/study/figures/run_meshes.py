@@ -1,4 +1,4 @@
-"""A run's ground truth beside its prediction: colours that agree, errors per face."""
+"""Ground truth and prediction of one run: parts matched by linear assignment, errors per face."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,7 +21,12 @@ MESH = "mesh.ply"
 
 @dataclass(frozen=True)
 class Pair:
-    """Ground truth and prediction of one run, file frame, original part ids."""
+    """Ground truth and prediction of one run, file frame, original part ids.
+
+    Attributes:
+        truth: Ground truth.
+        predicted: Extracted mesh.
+    """
 
     truth: Shape
     predicted: LabelledMesh
@@ -34,12 +39,12 @@ class Pair:
 
     @cached_property
     def matched(self) -> LabelledMesh:
-        """The prediction with each part renamed to the ground truth's part that it covers best, one to one.
+        """The prediction with the part ids of the ground truth: the linear assignment of largest shared area.
 
-        Parts without a counterpart get ids of their own, after all others.
+        Parts without a counterpart get new ids, after all others.
         """
         ids, columns = np.unique(self.predicted.labels, return_inverse=True)
-        wanted, rows = np.unique(self._labels_below, return_inverse=True)
+        wanted, rows = np.unique(self._true_labels, return_inverse=True)
         shared = np.zeros((len(ids), len(wanted)))
         np.add.at(shared, (columns, rows), face_areas(self.predicted))
         shared[:, wanted < 0] = 0.0
@@ -51,32 +56,32 @@ class Pair:
 
     @cached_property
     def error(self) -> Float[ndarray, " f"]:
-        """Distance of each predicted face's centre to the ground truth, share of its longest side."""
+        """Distance of each predicted face's centroid to the ground truth, as a share of its longest side."""
         return _distances(self.predicted, self.truth.mesh) / self.size
 
     @cached_property
     def missed(self) -> Float[ndarray, " g"]:
-        """Distance of each ground-truth face's centre to the prediction, share of the longest side."""
+        """Distance of each true face's centroid to the prediction, as a share of the truth's longest side."""
         return _distances(self.truth.mesh, self.predicted) / self.size
 
     @cached_property
     def wrong(self) -> Bool[ndarray, " f"]:
-        """Predicted faces whose label is not that of the ground truth below their centre."""
-        different: ndarray = self.predicted.labels != self._labels_below
-        return different & (self._labels_below >= 0)
+        """Predicted faces whose label differs from that of the true face closest to their centroid."""
+        different: ndarray = self.predicted.labels != self._true_labels
+        return different & (self._true_labels >= 0)
 
     @cached_property
-    def _labels_below(self) -> Int[ndarray, " f"]:
+    def _true_labels(self) -> Int[ndarray, " f"]:
         exact = ExactDistance(self.truth.mesh, watertight=self.truth.watertight)
-        labels: ndarray = self.truth.mesh.labels[exact.closest_face(centres(self.predicted))]
+        labels: ndarray = self.truth.mesh.labels[exact.closest_face(centroids(self.predicted))]
         return labels
 
 
 def load_pair(folder: Path) -> Pair:
-    """The meshes of a finished run.
+    """Load the meshes of a finished run.
 
     Raises:
-        InputError: The run folder has no mesh, or its ground truth is not what it was. One line.
+        InputError: The run folder has no mesh, or its ground truth has changed. One line.
     """
     path = folder / MESH
     if not path.is_file():
@@ -86,12 +91,12 @@ def load_pair(folder: Path) -> Pair:
     return Pair(truth, LabelledMesh(mesh.vertices, mesh.faces, labels))
 
 
-def centres(mesh: LabelledMesh) -> Float[ndarray, "f 3"]:
+def centroids(mesh: LabelledMesh) -> Float[ndarray, "f 3"]:
     """Centroid of each face."""
     middle: ndarray = mesh.vertices[mesh.faces].mean(axis=1)
     return middle
 
 
 def _distances(of: LabelledMesh, to: LabelledMesh) -> Float[ndarray, " f"]:
-    unsigned: ndarray = np.abs(ExactDistance(to, watertight=True).signed(centres(of)))
+    unsigned: ndarray = np.abs(ExactDistance(to, watertight=True).signed(centroids(of)))
     return unsigned

@@ -1,4 +1,4 @@
-"""How every figure looks, and how it is written: vector PDF, PNG, and a LaTeX float."""
+"""Style of all figures, and their files: vector PDF, PNG, and a LaTeX float."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,11 +21,12 @@ from jointsdf.study.tables.latex import escape
 
 WIDTH = 7.0  # inches, of a page's text
 INK, PALE = "#222222", "#8a8a8a"
-# Okabe and Ito's colours, which stay apart with any sight; in grey the marker tells.
+# Colours of Okabe and Ito, distinct with any colour vision ("Color universal design", 2008); in grey, see the markers.
 COLOURS = ("#7a7a7a", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#b8a800")
 MARKERS = ("X", "o", "s", "^", "D", "v", "P", "*")
 DASHES = ("-", "-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)))
 PNG_DPI = 200
+NEAR = 0.03  # of the range: points closer than this are shifted apart
 STYLE: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
@@ -52,13 +53,13 @@ STYLE: Any = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """A finished figure, and what it shows in plain text."""
+    """A figure and its caption in plain text."""
 
     figure: Figure
     caption: str
 
 
-def look(head: str, heads: Sequence[str]) -> dict[str, Any]:
+def head_style(head: str, heads: Sequence[str]) -> dict[str, Any]:
     """Colour, marker and dashes of a head: the paper's heads have the same in every figure."""
     others = sorted(set(heads) - set(HEAD_ORDER))
     place = HEAD_ORDER.index(head) if head in HEAD_ORDER else len(HEAD_ORDER) + others.index(head)
@@ -66,8 +67,8 @@ def look(head: str, heads: Sequence[str]) -> dict[str, Any]:
     return {"color": COLOURS[place], "marker": MARKERS[place], "linestyle": DASHES[place]}
 
 
-def panels(rows: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
-    """A page-wide figure of panels, row by row.
+def make_panels(rows: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
+    """Make a page-wide figure of panels; axes row by row.
 
     Args:
         rows: Of panels.
@@ -79,11 +80,11 @@ def panels(rows: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
     return figure, list(axes.ravel())
 
 
-def legend(figure: Figure, heads: Sequence[str], *, lines: bool = False, others: Sequence[Line2D] = ()) -> None:
-    """One legend of the heads, and of other lines, above all panels."""
+def add_legend(figure: Figure, heads: Sequence[str], *, lines: bool = False, others: Sequence[Line2D] = ()) -> None:
+    """Add a legend of the heads, and of other lines, above all panels."""
     keys = []
     for head in heads:
-        style = look(head, heads)
+        style = head_style(head, heads)
         dashes = style.pop("linestyle")
         mark = {"marker": "", "linestyle": dashes} if lines else {"linestyle": ""}
         keys.append(Line2D([], [], label=head, markersize=5, **(style | mark)))
@@ -92,14 +93,14 @@ def legend(figure: Figure, heads: Sequence[str], *, lines: bool = False, others:
 
 
 def dodge(values: Float[ndarray, " n"], width: float) -> Float[ndarray, " n"]:
-    """Sideways shifts that keep points of nearly the same value apart; the same for the same values.
+    """Shift points of nearly the same value sideways (a deterministic beeswarm); the same for the same values.
 
     Args:
         values: Along the axis that the points are spread over.
         width: Largest shift.
     """
     shifts = np.zeros(len(values))
-    near = 0.03 * np.ptp(values) if len(values) else 0.0
+    near = NEAR * np.ptp(values) if len(values) else 0.0
     order = np.argsort(values, kind="stable")
     run = 0
     for before, here in pairwise(order):

@@ -1,1 +1,1 @@
-"""Tables of the rows, as CSV and LaTeX."""
+"""Tables of the rows, each a builder that returns numbers for CSV and cells for LaTeX."""

@@ -1,4 +1,4 @@
-"""Our numbers beside the paper's."""
+"""Comparison with the numbers that the paper prints."""
 
 import logging
 import math
@@ -7,11 +7,12 @@ from typing import Any
 
 import pandas as pd
 
-from jointsdf.study.comparisons import Comparison, Group, compare
+from jointsdf.study.comparisons import Comparison, compare
+from jointsdf.study.groups import Group
 from jointsdf.study.statistics import Summary, per_shape, summarise
 from jointsdf.study.tables.columns import AGAINST_PAPER, Column
 from jointsdf.study.tables.latex import MISSING, cell, escape
-from jointsdf.study.tables.table import Line, Table, in_blocks
+from jointsdf.study.tables.table import Line, Table, build_block_table
 
 log = logging.getLogger(__name__)
 
@@ -23,7 +24,7 @@ PAPER_ORIGIN = (
 
 
 def against_paper(group: Group, label: str, paper: Path) -> Table | None:
-    """Our means and floors beside the paper's main table. None for a group without ABC shapes.
+    """Means and floors next to the paper's main table. None for a group without ABC shapes.
 
     Args:
         group: Runs that may be compared.
@@ -43,7 +44,7 @@ def against_paper(group: Group, label: str, paper: Path) -> Table | None:
         f"Ours over the {len(comparison.shapes)} shapes that every head was run on, beside the paper: mean ± sample "
         f"standard deviation; floor: the ground truth against itself. {PAPER_ORIGIN}"
     )
-    return in_blocks(comparison, lines, what, label, len(heads))
+    return build_block_table(comparison, lines, what, label, len(heads))
 
 
 def _paper_lines(comparison: Comparison, column: Column, theirs: pd.DataFrame, heads: list[str]) -> list[Line]:

@@ -1,4 +1,4 @@
-"""Which metrics the tables show, and how: header, digits, which end is better."""
+"""Metrics of the tables: header, digits, better end."""
 
 from dataclasses import dataclass
 
@@ -15,8 +15,8 @@ class Column:
         metric: Its column in the rows.
         name: LaTeX.
         digits: Printed after the point.
-        goal: Which end is better.
-        unit: LaTeX, behind the name in a header.
+        goal: The better end.
+        unit: LaTeX, after the name in a header.
     """
 
     metric: str
@@ -73,7 +73,7 @@ COST = (
 
 @dataclass(frozen=True)
 class Relation:
-    """Reconstruction metrics that are held against segmentation metrics."""
+    """Reconstruction metrics that are correlated with segmentation metrics."""
 
     reconstruction: tuple[Column, ...]
     segmentation: tuple[Column, ...]
@@ -101,7 +101,7 @@ RIGHT = (
     Column("euler_right", "Right Euler number", 0, "high"),
     Column("parts_right", "Right number of parts", 0, "high"),
 )
-# Raw cd_l1 ranks the surface area of shapes; beside its floor it ranks what the fit adds.
+# Raw cd_l1 ranks shapes by surface area; over its floor it ranks the error that the fit adds.
 EXACT = Relation(
     (
         CD_L1_OVER_FLOOR,

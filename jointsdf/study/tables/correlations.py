@@ -4,11 +4,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from jointsdf.study.comparisons import Comparison, Group, compare
+from jointsdf.study.comparisons import Comparison, compare
+from jointsdf.study.groups import Group
 from jointsdf.study.statistics import Correlation, outer_quarters, pearson, per_shape, summarise
 from jointsdf.study.tables.columns import EXACT, PAPER, Column, Relation
-from jointsdf.study.tables.latex import MISSING, cell, escape, number, p_value
-from jointsdf.study.tables.table import Table, finished, values_by_head
+from jointsdf.study.tables.latex import MISSING, cell, escape, format_number, format_p_value
+from jointsdf.study.tables.table import Table, build_table, values_by_head
 
 OVERALL, BEST = "overall", "best"
 
@@ -19,17 +20,17 @@ def correlation(group: Group, label: str) -> Table | None:
 
 
 def correlation_exact(group: Group, label: str) -> Table | None:
-    """The same of errors beside their floors with the exact label measures."""
+    """Pearson correlations of errors over their floors with the exact label scores; else as `correlation`."""
     return _correlation(compare(group, baseline=False), EXACT, label)
 
 
 def quartiles(group: Group, label: str) -> Table | None:
-    """Segmentation on the shapes of least and most cd_l1, per head. None for fewer than four shapes."""
+    """Segmentation in the quarters of the shapes with least and most cd_l1, per head. None below four shapes."""
     return _quartiles(compare(group, baseline=False), PAPER, PAPER.reconstruction[:1], label)
 
 
 def quartiles_exact(group: Group, label: str) -> Table | None:
-    """The same by errors beside their floors, with the exact label measures."""
+    """Exact label scores in the outer quarters by error over floor; else as `quartiles`."""
     return _quartiles(compare(group, baseline=False), EXACT, EXACT.reconstruction, label)
 
 
@@ -54,8 +55,8 @@ def _correlation(comparison: Comparison, relation: Relation, label: str) -> Tabl
         f"Pearson correlation r (two-sided p) over the {len(comparison.shapes)} shapes that every head was run on. "
         f"{OVERALL.capitalize()}: all heads' shapes together, which are not independent: its p is too small"
     )
-    gaps = range(len(relation.segmentation) - 1, len(text[""]), len(relation.segmentation))
-    return finished(comparison, numbers, text, what, label, blocks=gaps)
+    blocks = range(len(relation.segmentation) - 1, len(text[""]), len(relation.segmentation))
+    return build_table(comparison, numbers, text, what, label, blocks=blocks)
 
 
 def _correlations(x: dict[str, dict[str, float]], y: dict[str, dict[str, float]]) -> dict[str, Correlation]:
@@ -66,7 +67,7 @@ def _correlations(x: dict[str, dict[str, float]], y: dict[str, dict[str, float]]
 
 def _correlation_cell(item: Correlation, pairs: int) -> str:
     fewer = f", $n={item.n}$" if item.n < pairs else ""
-    return MISSING if math.isnan(item.r) else f"{number(item.r, 2)} ({p_value(item.p)}{fewer})"
+    return MISSING if math.isnan(item.r) else f"{format_number(item.r, 2)} ({format_p_value(item.p)}{fewer})"
 
 
 def _quartiles(comparison: Comparison, relation: Relation, keys: Sequence[Column], label: str) -> Table | None:
@@ -85,7 +86,7 @@ def _quartiles(comparison: Comparison, relation: Relation, keys: Sequence[Column
         line = {"by": key.metric, "head": head, "quarter": name, "n": len(shapes), "low": low, "high": high}
         new = not numbers or numbers[-1]["by"] != key.metric
         cells = [key.name if new else "", escape(head) if name == BEST else "", name, str(len(shapes))]
-        cells.append(f"{number(low, key.digits)} to {number(high, key.digits)}")
+        cells.append(f"{format_number(low, key.digits)} to {format_number(high, key.digits)}")
         for column, found in measures.items():
             summary = summarise(found[head][shape] for shape in shapes)
             line |= {f"{column.metric}_mean": summary.mean, f"{column.metric}_std": summary.std}
@@ -99,11 +100,11 @@ def _quartiles(comparison: Comparison, relation: Relation, keys: Sequence[Column
         "and a run without a mesh is in neither"
     )
     last = [place for place, line in enumerate(numbers[:-1]) if line["by"] != numbers[place + 1]["by"]]
-    return finished(comparison, numbers, text, what, label, blocks=last) if numbers else None
+    return build_table(comparison, numbers, text, what, label, blocks=last) if numbers else None
 
 
 def _ranks(comparison: Comparison, metric: str) -> dict[str, dict[str, float]]:
-    """As `values_by_head`, of the runs with a mesh."""
+    """`values_by_head` of the runs with a mesh."""
     runs = {head: comparison.of(head) for head in comparison.heads}
     return {head: per_shape(part[part["status"] == "ok"], metric) for head, part in runs.items()}
 

@@ -1,4 +1,4 @@
-"""Numbers and names as LaTeX: cells, escaping, and a booktabs table by pandas' Styler."""
+"""LaTeX: cells of numbers, escaping, and a booktabs table by pandas' Styler."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,8 @@ from jointsdf.study.statistics import Summary
 
 Goal = Literal["low", "high", "none"]
 MISSING = "--"
-TALL = 45  # lines; a longer table is made to fit a page
+TALL = 45  # lines; a longer table is scaled to fit a page
+SMALLEST_P = 0.001  # smaller ones are shown as below it
 FIT_HEIGHT = r"\resizebox*{!}{0.8\textheight}"
 FIT_WIDTH = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}"
 ESCAPES = {
@@ -25,12 +26,16 @@ ESCAPES = {
 
 
 def escape(text: str) -> str:
-    """Plain text that LaTeX prints as it is; `±` becomes the symbol, what is not ASCII a question mark."""
+    r"""Escape plain text for LaTeX; `±` becomes the symbol, other characters beyond ASCII a question mark.
+
+    >>> escape("deep_skip & 50%")
+    'deep\\_skip \\& 50\\%'
+    """
     return "".join(ESCAPES.get(character, character if character.isascii() else "?") for character in text)
 
 
 def cell(summary: Summary, *, digits: int, out_of: int, bold: bool) -> str:
-    """`mean ± std`, followed by its n where fewer shapes have the number than the table has; `--` where none has."""
+    """Format `mean ± std`, with n where it is below `out_of`, the table's number of shapes; `--` for n = 0."""
     if summary.n == 0:
         return MISSING
     mean = f"{summary.mean:.{digits}f}"
@@ -38,10 +43,10 @@ def cell(summary: Summary, *, digits: int, out_of: int, bold: bool) -> str:
     return (rf"\textbf{{{mean}}}" if bold else mean) + rf" $\pm$ {summary.std:.{digits}f}{count}"
 
 
-def best(summaries: Sequence[Summary], *, digits: int, out_of: int, goal: Goal) -> list[bool]:
-    """Which means are the best ones as printed; several on a tie.
+def mark_best(summaries: Sequence[Summary], *, digits: int, out_of: int, goal: Goal) -> list[bool]:
+    """Mark the best means as printed; several on a tie.
 
-    A mean over fewer than `out_of` shapes does not compete: it may have lost the hard ones. One mean alone is not best.
+    A mean over fewer than `out_of` shapes does not compete: the hard shapes may be missing. One mean alone is not best.
     """
     shown = [float(f"{item.mean:.{digits}f}") if item.n == out_of else math.nan for item in summaries]
     competing = [value for value in shown if not math.isnan(value)]
@@ -51,26 +56,30 @@ def best(summaries: Sequence[Summary], *, digits: int, out_of: int, goal: Goal) 
     return [value == target for value in shown]
 
 
-def number(value: float, digits: int, *, signed: bool = False) -> str:
-    """A number in math mode, so that its minus is one."""
+def format_number(value: float, digits: int, *, signed: bool = False) -> str:
+    """Format a number in math mode, for its minus sign."""
     return f"${value:{'+' if signed else ''}.{digits}f}$"
 
 
-def p_value(p: float) -> str:
-    """A p value; `--` where there is none."""
+def format_p_value(p: float) -> str:
+    """Format a p value; `--` for NaN.
+
+    >>> [format_p_value(p) for p in (0.25, 1e-5)]
+    ['0.250', '$<$0.001']
+    """
     if math.isnan(p):
         return MISSING
-    return f"{p:.3f}" if p >= 0.001 else "$<$0.001"
+    return f"{p:.3f}" if p >= SMALLEST_P else "$<$0.001"
 
 
 def tabular(cells: pd.DataFrame, *, caption: str, label: str, blocks: Sequence[int] = ()) -> str:
-    """A floating booktabs table of ready LaTeX cells, made narrower where it is wider than the text (needs graphicx).
+    """Floating booktabs table of LaTeX cells, scaled down where it is wider than the text (needs graphicx).
 
     Args:
         cells: Strings; the column names are the header, LaTeX as well.
         caption: Plain text; escaped here.
         label: Name to refer to, behind `tab:`. Underscores become hyphens.
-        blocks: Lines that a gap follows.
+        blocks: Lines with vertical space after them.
     """
     text = cells.style.hide(axis="index").to_latex(
         hrules=True,

@@ -1,4 +1,4 @@
-"""The tables with a line per head: reconstruction, segmentation, IoU of each part, part counts, seeds, cost."""
+"""Tables with a line per head: reconstruction, segmentation, IoU of each part, part counts, seeds, cost."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -6,25 +6,26 @@ from typing import Any
 
 import pandas as pd
 
-from jointsdf.runs.csv import IOU
-from jointsdf.study.captions import SEVERAL, measured_on
-from jointsdf.study.comparisons import Comparison, Group, compare
+from jointsdf.runs.records import IOU
+from jointsdf.study.captions import SEVERAL, describe_machines
+from jointsdf.study.comparisons import Comparison, compare
+from jointsdf.study.groups import Group
 from jointsdf.study.statistics import pooled_deviation
 from jointsdf.study.tables.columns import BY_PART_COUNT, CONTRASTED, COST, RECONSTRUCTION, SEGMENTATION, Column
 from jointsdf.study.tables.latex import MISSING, cell, escape
 from jointsdf.study.tables.table import (
     Table,
-    finished,
-    measured,
-    ranked_cells,
-    ranked_columns,
-    spread,
-    summaries,
-    unequal,
+    build_table,
+    has_incomplete_means,
+    has_values,
+    rank_cells,
+    rank_columns,
+    summarise_metrics,
+    summary_numbers,
 )
 
 REFERENCES = {"floor": "the ground truth against itself", "ceiling": "what grid and face rule alone cost"}
-GAPS_SHOWN_BELOW = 100  # part ids up to here are listed without gaps, "--" where no shape has the part
+DENSE_BELOW = 100  # with all part ids below, every id up to the last is listed, "--" where no shape has it
 PART_COUNTS = ((2, 4), (5, 8), (9, 18), (19, None))
 MEAN = "mean ± sample standard deviation over the shapes that every head was run on (N)"
 
@@ -45,7 +46,7 @@ def main_segmentation(group: Group, label: str) -> Table | None:
 def cost(group: Group, label: str) -> Table | None:
     """Seconds of each stage, peak memory and size, a line per head."""
     comparison = compare(group, baseline=True)
-    origin = measured_on(comparison.runs)
+    origin = describe_machines(comparison.runs)
     what = f"Cost in seconds and MiB, {MEAN}. {origin}"
     columns = [replace(column, goal="none") for column in COST] if origin.startswith(SEVERAL) else COST
     return _by_head(what, comparison, columns, {}, label)
@@ -56,13 +57,13 @@ def per_part_iou(group: Group, label: str) -> Table | None:
     comparison = compare(group, baseline=False)
     parts = _part_ids(comparison.runs)
     metrics = [f"iou_{part}" for part in parts]
-    heads = {head: summaries(comparison.of(head), metrics) for head in comparison.heads}
+    heads = {head: summarise_metrics(comparison.of(head), metrics) for head in comparison.heads}
     if not heads or not parts:
         return None
     rows = list(zip(*heads.values(), strict=True))
     counts = [max(summary.n for summary in row) for row in rows]
     text = {"Part": [f"$P_{{{part}}}$" for part in parts], "$N$": [str(n) for n in counts]}
-    cells = [ranked_cells(row, digits=2, out_of=n, goal="high") for row, n in zip(rows, counts, strict=True)]
+    cells = [rank_cells(row, digits=2, out_of=n, goal="high") for row, n in zip(rows, counts, strict=True)]
     text |= {escape(head): [row[column] for row in cells] for column, head in enumerate(heads)}
     numbers = [
         {"head": head, "part": part, "n": summary.n, "iou_mean": summary.mean, "iou_std": summary.std}
@@ -71,7 +72,7 @@ def per_part_iou(group: Group, label: str) -> Table | None:
     ]
     fewer = any(summary.n < n for row, n in zip(rows, counts, strict=True) for summary in row)
     what = "IoU of each part, mean ± sample standard deviation over those of the common shapes that have it (N)"
-    return finished(comparison, numbers, text, what, label, unequal=fewer)
+    return build_table(comparison, numbers, text, what, label, unequal=fewer)
 
 
 def part_count(group: Group, label: str) -> Table | None:
@@ -89,23 +90,24 @@ def part_count(group: Group, label: str) -> Table | None:
             continue
         name = f"{low}-{high}" if high else f">{low - 1}"
         runs = comparison.runs[comparison.runs["shape"].isin(shapes)]
-        heads = {head: summaries(runs[runs["head"] == head], metrics) for head in comparison.heads}
+        heads = {head: summarise_metrics(runs[runs["head"] == head], metrics) for head in comparison.heads}
         text["Parts"] += [escape(name).replace("-", "--"), *[""] * (len(heads) - 1)]
         text["Head"] += map(escape, heads)
         text["$N$"] += [str(len(shapes))] * len(heads)
-        for column, cells in zip(BY_PART_COUNT, ranked_columns(heads, BY_PART_COUNT, len(shapes)), strict=True):
+        for column, cells in zip(BY_PART_COUNT, rank_columns(heads, BY_PART_COUNT, len(shapes)), strict=True):
             text[column.header] += cells
         numbers += [
-            {"parts": name, "head": head, "n": len(shapes)} | spread(metrics, line) for head, line in heads.items()
+            {"parts": name, "head": head, "n": len(shapes)} | summary_numbers(metrics, line)
+            for head, line in heads.items()
         ]
-        fewer |= unequal(heads, len(shapes))
+        fewer |= has_incomplete_means(heads, len(shapes))
         blocks.append(len(numbers) - 1)
     what = f"By the number of parts of the ground truth, {MEAN}"
-    return finished(comparison, numbers, text, what, label, unequal=fewer, blocks=blocks) if numbers else None
+    return build_table(comparison, numbers, text, what, label, unequal=fewer, blocks=blocks) if numbers else None
 
 
 def seeds(group: Group, label: str) -> Table | None:
-    """How far runs of one head and shape lie apart that differ in their seed. None where none has two."""
+    """Standard deviation over the seeds of one head and shape. None where no shape has two seeds."""
     counts = group.runs.groupby(["head", "shape"])["seed"].transform("nunique")
     runs = group.runs[counts > 1]
     common = compare(replace(group, runs=runs), baseline=True)
@@ -123,7 +125,7 @@ def seeds(group: Group, label: str) -> Table | None:
         "What chance alone changes: standard deviation over the seeds of one shape, pooled over the shapes that were "
         "run with several (in brackets, how many)"
     )
-    return finished(repeated, numbers, text, what, label, averaged=False) if numbers else None
+    return build_table(repeated, numbers, text, what, label, averaged=False) if numbers else None
 
 
 def _by_head(
@@ -131,25 +133,27 @@ def _by_head(
 ) -> Table | None:
     n = len(comparison.shapes)
     metrics = [column.metric for column in columns]
-    heads = {head: summaries(comparison.of(head), metrics) for head in comparison.heads}
-    if not heads or (n and not measured(heads)):
+    heads = {head: summarise_metrics(comparison.of(head), metrics) for head in comparison.heads}
+    if not heads or (n and not has_values(heads)):
         return None
-    below = {kind: summaries(comparison.runs, [f"{metric}_{kind}" for metric in metrics]) for kind in references}
-    below = {kind: line for kind, line in below.items() if measured({kind: line})}
+    below = {
+        kind: summarise_metrics(comparison.runs, [f"{metric}_{kind}" for metric in metrics]) for kind in references
+    }
+    below = {kind: line for kind, line in below.items() if has_values({kind: line})}
     text = {
         "Head": [*map(escape, heads), *(rf"\textit{{{kind}}}" for kind in below)],
         "$N$": [str(n)] * (len(heads) + len(below)),
     }
-    for i, (column, cells) in enumerate(zip(columns, ranked_columns(heads, columns, n), strict=True)):
+    for i, (column, cells) in enumerate(zip(columns, rank_columns(heads, columns, n), strict=True)):
         rest = [cell(line[i], digits=column.digits, out_of=n, bold=False) for line in below.values()]
         text[column.header] = cells + rest
-    numbers = [{"head": name, "n": n} | spread(metrics, line) for name, line in (heads | below).items()]
+    numbers = [{"head": name, "n": n} | summary_numbers(metrics, line) for name, line in (heads | below).items()]
     blocks = [len(heads) - 1] if below else []
-    return finished(comparison, numbers, text, what, label, unequal=unequal(heads, n), blocks=blocks)
+    return build_table(comparison, numbers, text, what, label, unequal=has_incomplete_means(heads, n), blocks=blocks)
 
 
 def _part_ids(runs: pd.DataFrame) -> list[int]:
-    """Parts of the shapes, ascending; without gaps where the ids are small."""
+    """Parts of the shapes, ascending; all ids up to the last where they are below `DENSE_BELOW`."""
     with_numbers = [str(column) for column in runs.columns if IOU.fullmatch(str(column)) and runs[column].notna().any()]
     ids = sorted(int(column.removeprefix("iou_")) for column in with_numbers)
-    return list(range(ids[-1] + 1)) if ids and ids[-1] < GAPS_SHOWN_BELOW else ids
+    return list(range(ids[-1] + 1)) if ids and ids[-1] < DENSE_BELOW else ids

@@ -5,22 +5,24 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
-from jointsdf.study.comparisons import BASELINE, Comparison, Family, Group, compare, with_borrowed_baseline
-from jointsdf.study.statistics import Paired, holm, paired, summarise
+from jointsdf.study.comparisons import Comparison, add_borrowed_baseline, compare
+from jointsdf.study.families import Family
+from jointsdf.study.groups import BASELINE, Group
+from jointsdf.study.statistics import PairedTests, holm, paired_tests, summarise
 from jointsdf.study.tables.columns import CONTRASTED, PAIRED, Column
-from jointsdf.study.tables.latex import MISSING, cell, escape, number, p_value
-from jointsdf.study.tables.table import Line, Table, in_blocks, values_by_head
+from jointsdf.study.tables.latex import MISSING, cell, escape, format_number, format_p_value
+from jointsdf.study.tables.table import Line, Table, build_block_table, values_by_head
 
 TESTS = (
     "mean difference with its 95% confidence interval (Student's t), two-sided p of the paired t-test and of "
     "Wilcoxon's signed-rank test, each also after Holm's correction over the differences of a metric"
 )
-Pairs = Sequence[tuple[str, str]]  # what is compared, and what it is compared with
+Pairs = Sequence[tuple[str, str]]  # a head and its reference
 
 
 def paired_reconstruction(group: Group, label: str) -> Table | None:
     """Each head minus the baseline on the shapes of all: difference, interval, tests. None without a baseline."""
-    comparison = compare(with_borrowed_baseline(group), baseline=True)
+    comparison = compare(add_borrowed_baseline(group), baseline=True)
     if comparison.heads[:1] != [BASELINE] or len(comparison.heads) < 2:
         return None
     pairs = [(head, BASELINE) for head in comparison.heads[1:]]
@@ -30,7 +32,7 @@ def paired_reconstruction(group: Group, label: str) -> Table | None:
         f"Each head minus the baseline without one ({BASELINE}) on the same {len(comparison.shapes)} shapes: mean ± "
         f"sample standard deviation, {TESTS}"
     )
-    return in_blocks(comparison, lines, what + borrowed, label, len(comparison.heads))
+    return build_block_table(comparison, lines, what + borrowed, label, len(comparison.heads))
 
 
 def paired_heads(group: Group, label: str) -> Table | None:
@@ -39,11 +41,11 @@ def paired_heads(group: Group, label: str) -> Table | None:
     pairs = [(later, earlier) for earlier, later in combinations(comparison.heads, 2)]
     lines = [line for column in CONTRASTED for line in _lines_of_differences(comparison, column, pairs)]
     what = f"Each head minus each other one on the same {len(comparison.shapes)} shapes: {TESTS}"
-    return in_blocks(comparison, lines, what, label, len(pairs)) if pairs else None
+    return build_block_table(comparison, lines, what, label, len(pairs)) if pairs else None
 
 
 def variants(family: Family, label: str) -> Table:
-    """Each variant of a study minus one of them, for each head."""
+    """Each variant of a study minus the first one, for each head: difference, interval, tests."""
     comparison = compare(family.group, baseline=False)
     references = ", ".join(dict.fromkeys(reference for _, reference in family.pairs))
     lines = [line for column in CONTRASTED for line in _lines_with_means(comparison, column, family.pairs)]
@@ -51,11 +53,11 @@ def variants(family: Family, label: str) -> Table:
         f"Each variant minus {references} on the same {len(comparison.shapes)} shapes: mean ± sample standard "
         f"deviation, {TESTS}"
     )
-    return in_blocks(comparison, lines, what, label, len(comparison.heads))
+    return build_block_table(comparison, lines, what, label, len(comparison.heads))
 
 
 def _lines_with_means(comparison: Comparison, column: Column, pairs: Pairs) -> list[Line]:
-    """A line per head with its mean, and the difference for those that are compared with another one."""
+    """A line per head: its mean, and the difference from its reference where it has one."""
     values = values_by_head(comparison, column.metric)
     tests = dict(zip((first for first, _ in pairs), _tests(values, pairs), strict=True))
     against = dict(pairs)
@@ -83,13 +85,13 @@ def _lines_of_differences(comparison: Comparison, column: Column, pairs: Pairs) 
     return lines
 
 
-Tested = tuple[Paired, tuple[float, ...]]  # and its p values: t, t after Holm, Wilcoxon, Wilcoxon after Holm
+Tested = tuple[PairedTests, tuple[float, ...]]  # and its p values: t, t after Holm, Wilcoxon, Wilcoxon after Holm
 P_NAMES = ("p_t", "p_t_holm", "p_wilcoxon", "p_wilcoxon_holm")
 P_HEADERS = ("$p_t$", "$p_t$ (Holm)", "$p_W$", "$p_W$ (Holm)")
 
 
 def _tests(values: Mapping[str, Mapping[str, float]], pairs: Pairs) -> list[Tested]:
-    tests = [paired(values[first], values[second]) for first, second in pairs]
+    tests = [paired_tests(values[first], values[second]) for first, second in pairs]
     t, wilcoxon = [test.p_t for test in tests], [test.p_wilcoxon for test in tests]
     return list(zip(tests, zip(t, holm(t), wilcoxon, holm(wilcoxon), strict=True), strict=True))
 
@@ -109,6 +111,8 @@ def _cells(tested: Tested | None, column: Column, out_of: int) -> dict[str, str]
     test, p_values = tested
     digits = column.digits + 1
     fewer = f" ($n={test.n}$)" if test.n < out_of else ""
-    interval = MISSING if math.isnan(test.low) else f"[{number(test.low, digits)}, {number(test.high, digits)}]"
-    cells = (number(test.delta, digits, signed=True) + fewer, interval, *map(p_value, p_values))
+    interval = (
+        MISSING if math.isnan(test.low) else f"[{format_number(test.low, digits)}, {format_number(test.high, digits)}]"
+    )
+    cells = (format_number(test.delta, digits, signed=True) + fewer, interval, *map(format_p_value, p_values))
     return dict(zip(headers, cells, strict=True))

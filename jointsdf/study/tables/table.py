@@ -1,4 +1,4 @@
-"""What every table is made of: numbers for CSV, text for LaTeX, and the ways to summarise a head."""
+"""Parts common to all tables: numbers for CSV with cells for LaTeX, and summaries of a head."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -11,11 +11,11 @@ from jointsdf.study.captions import caption
 from jointsdf.study.comparisons import Comparison
 from jointsdf.study.statistics import Summary, per_shape, summarise
 from jointsdf.study.tables.columns import Column
-from jointsdf.study.tables.latex import Goal, best, cell, tabular
+from jointsdf.study.tables.latex import Goal, cell, mark_best, tabular
 
 log = logging.getLogger(__name__)
 
-Line = tuple[dict[str, Any], dict[str, str]]  # what goes into the CSV, and LaTeX header -> cell
+Line = tuple[dict[str, Any], dict[str, str]]  # entries of the CSV, and LaTeX header -> cell
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Table:
     latex: str
 
 
-def finished(
+def build_table(
     comparison: Comparison,
     numbers: list[dict[str, Any]],
     text: Mapping[str, list[str]],
@@ -37,7 +37,7 @@ def finished(
     averaged: bool = True,
     blocks: Sequence[int] = (),
 ) -> Table:
-    """Put a table together; its caption says what it is over.
+    """Build a table; its caption names the runs that it is over.
 
     Args:
         comparison: The runs in it.
@@ -47,7 +47,7 @@ def finished(
         label: Name of the table.
         unequal: Whether some mean is over fewer shapes than the others.
         averaged: Whether the seeds of a shape are averaged first.
-        blocks: Lines that a gap follows.
+        blocks: Lines with vertical space after them.
     """
     if not comparison.shapes:
         log.warning(f"{label}: no shape was run with every head ({', '.join(comparison.heads)}); run the missing ones")
@@ -62,11 +62,11 @@ def finished(
     )
 
 
-def in_blocks(comparison: Comparison, lines: Sequence[Line], what: str, label: str, block: int) -> Table:
-    """A table of lines that belong together `block` at a time (see `finished`)."""
+def build_block_table(comparison: Comparison, lines: Sequence[Line], what: str, label: str, block: int) -> Table:
+    """Build a table with vertical space after every `block` lines (see `build_table`)."""
     text = {header: [cells[header] for _, cells in lines] for header in lines[0][1]}
     ends = range(block - 1, len(lines), block)
-    return finished(comparison, [numbers for numbers, _ in lines], text, what, label, blocks=ends)
+    return build_table(comparison, [numbers for numbers, _ in lines], text, what, label, blocks=ends)
 
 
 def values_by_head(comparison: Comparison, metric: str) -> dict[str, dict[str, float]]:
@@ -74,38 +74,38 @@ def values_by_head(comparison: Comparison, metric: str) -> dict[str, dict[str, f
     return {head: per_shape(comparison.of(head), metric) for head in comparison.heads}
 
 
-def summaries(runs: pd.DataFrame, metrics: Sequence[str]) -> list[Summary]:
-    """Each metric over the shapes of the runs."""
+def summarise_metrics(runs: pd.DataFrame, metrics: Sequence[str]) -> list[Summary]:
+    """Summarise each metric over the shapes of the runs."""
     return [summarise(per_shape(runs, metric).values()) for metric in metrics]
 
 
-def measured(lines: Mapping[str, Sequence[Summary]]) -> bool:
-    """Whether there is any number in the lines."""
+def has_values(lines: Mapping[str, Sequence[Summary]]) -> bool:
+    """True if any summary has a value."""
     return any(summary.n for line in lines.values() for summary in line)
 
 
-def ranked_cells(column: Sequence[Summary], *, digits: int, out_of: int, goal: Goal) -> list[str]:
-    """Cells of summaries that compete, the best one bold."""
-    bold = best(column, digits=digits, out_of=out_of, goal=goal)
+def rank_cells(column: Sequence[Summary], *, digits: int, out_of: int, goal: Goal) -> list[str]:
+    """Cells of competing summaries, the best one bold."""
+    bold = mark_best(column, digits=digits, out_of=out_of, goal=goal)
     return [cell(item, digits=digits, out_of=out_of, bold=b) for item, b in zip(column, bold, strict=True)]
 
 
-def ranked_columns(lines: Mapping[str, Sequence[Summary]], columns: Sequence[Column], out_of: int) -> list[list[str]]:
+def rank_columns(lines: Mapping[str, Sequence[Summary]], columns: Sequence[Column], out_of: int) -> list[list[str]]:
     """Cells of each column, for one line per head."""
     return [
-        ranked_cells([line[i] for line in lines.values()], digits=column.digits, out_of=out_of, goal=column.goal)
+        rank_cells([line[i] for line in lines.values()], digits=column.digits, out_of=out_of, goal=column.goal)
         for i, column in enumerate(columns)
     ]
 
 
-def spread(metrics: Sequence[str], line: Sequence[Summary]) -> dict[str, float]:
-    """The numbers of a line as `<metric>_mean`, `_std` and `_n`."""
+def summary_numbers(metrics: Sequence[str], line: Sequence[Summary]) -> dict[str, float]:
+    """The summaries of a line as `<metric>_mean`, `_std` and `_n`."""
     flat: dict[str, float] = {}
     for metric, summary in zip(metrics, line, strict=True):
         flat |= {f"{metric}_mean": summary.mean, f"{metric}_std": summary.std, f"{metric}_n": summary.n}
     return flat
 
 
-def unequal(lines: Mapping[str, Sequence[Summary]], out_of: int) -> bool:
-    """Whether some mean is over fewer shapes than the line's."""
+def has_incomplete_means(lines: Mapping[str, Sequence[Summary]], out_of: int) -> bool:
+    """True if some mean is over fewer shapes than its line."""
     return any(summary.n < out_of for line in lines.values() for summary in line if summary.n)

@@ -1,19 +1,20 @@
-"""The worst shape of each metric beside the mean, and on how many shapes a count is right."""
+"""Worst cases: the worst shape of each metric with the mean, and the number of shapes whose counts are right."""
 
 import math
 
-from jointsdf.study.comparisons import Comparison, Group, compare
-from jointsdf.study.missing_runs import shortened
+from jointsdf.study.comparisons import Comparison, compare
+from jointsdf.study.groups import Group
+from jointsdf.study.missing_runs import shorten
 from jointsdf.study.statistics import per_shape, summarise
 from jointsdf.study.tables.columns import RIGHT, WORST, Column
-from jointsdf.study.tables.latex import MISSING, cell, escape, number
-from jointsdf.study.tables.table import Line, Table, in_blocks
+from jointsdf.study.tables.latex import MISSING, cell, escape, format_number
+from jointsdf.study.tables.table import Line, Table, build_block_table
 
 NAMED = 5  # shapes; of more, the number of the others
 
 
 def worst(group: Group, label: str) -> Table | None:
-    """Mean and worst value of each metric, with its shape, per head; then the shapes whose counts are wrong.
+    """Mean and worst value of each metric, with its shape, per head; then the shapes with wrong counts.
 
     None for a group without labels.
     """
@@ -26,7 +27,7 @@ def worst(group: Group, label: str) -> Table | None:
         "number (holes) and parts are as in the ground truth, and where not. "
         f"{len(comparison.shapes)} shapes that every head was run on"
     )
-    return in_blocks(comparison, lines, what, label, len(comparison.heads))
+    return build_block_table(comparison, lines, what, label, len(comparison.heads))
 
 
 def _line(comparison: Comparison, head: str, column: Column) -> Line:
@@ -40,9 +41,9 @@ def _line(comparison: Comparison, head: str, column: Column) -> Line:
     else:
         shapes = [pick(values, key=values.__getitem__)] if values else []
         mean = cell(summary, digits=column.digits, out_of=len(comparison.shapes), bold=False)
-        shown = (mean, number(extreme, column.digits))
+        shown = (mean, format_number(extreme, column.digits))
     numbers = {"metric": column.metric, "head": head, "n": summary.n, "mean": summary.mean, "std": summary.std}
     cells = {"Metric": column.header if head == comparison.heads[0] else "", "Head": escape(head)}
     cells[r"mean $\pm$ std"], cells["worst"] = shown if values else (MISSING, MISSING)
-    cells["shapes"] = escape(shortened(shapes, shown=NAMED)) or MISSING
+    cells["shapes"] = escape(shorten(shapes, shown=NAMED)) or MISSING
     return numbers | {"worst": extreme, "shapes": " ".join(shapes)}, cells

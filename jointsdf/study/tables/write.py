@@ -1,4 +1,4 @@
-"""The paper's tables from the rows on disk, as CSV and LaTeX, and a report that holds them all.
+"""Write every table as CSV and LaTeX, and the document that includes them all.
 
 Heads are compared on the shapes that all of them have, seeds are averaged first; the caption lists what is left out.
 """
@@ -11,12 +11,12 @@ from jointsdf.runs.csv import FILE, rows_to_csv
 from jointsdf.runs.files import write_atomically
 from jointsdf.runs.row import ResultRow
 from jointsdf.study.collect import collect
-from jointsdf.study.comparisons import SUFFIX, Group, families, shown_alone, split
-from jointsdf.study.document import REPORT, report
-from jointsdf.study.missing_runs import find_gaps
-from jointsdf.study.tables import correlations as relations
+from jointsdf.study.document import DOCUMENT, build_document
+from jointsdf.study.families import groups_with_own_tables, join_variants
+from jointsdf.study.groups import SUFFIX, Group, group_runs
+from jointsdf.study.missing_runs import find_missing_runs
+from jointsdf.study.tables import correlations, paired_tests
 from jointsdf.study.tables import main as main_tables
-from jointsdf.study.tables import paired_tests as pairs
 from jointsdf.study.tables.against_paper import against_paper
 from jointsdf.study.tables.table import Table
 from jointsdf.study.tables.worst_cases import worst
@@ -30,7 +30,7 @@ Builder = Callable[[Group, str], Table | None]
 
 
 def builders(paper: Path) -> dict[str, Builder]:
-    """Name of a table -> what makes it, in the order of the report.
+    """Name of a table -> its builder, in the order of the document.
 
     Args:
         paper: Folder of the paper's numbers.
@@ -40,13 +40,13 @@ def builders(paper: Path) -> dict[str, Builder]:
         "main_segmentation": main_tables.main_segmentation,
         "worst": worst,
         "against_paper": partial(against_paper, paper=paper),
-        "paired_reconstruction": pairs.paired_reconstruction,
-        "paired_heads": pairs.paired_heads,
+        "paired_reconstruction": paired_tests.paired_reconstruction,
+        "paired_heads": paired_tests.paired_heads,
         "per_part_iou": main_tables.per_part_iou,
-        "correlation": relations.correlation,
-        "correlation_exact": relations.correlation_exact,
-        "quartiles": relations.quartiles,
-        "quartiles_exact": relations.quartiles_exact,
+        "correlation": correlations.correlation,
+        "correlation_exact": correlations.correlation_exact,
+        "quartiles": correlations.quartiles,
+        "quartiles_exact": correlations.quartiles_exact,
         "part_count": main_tables.part_count,
         "seeds": main_tables.seeds,
         "cost": main_tables.cost,
@@ -56,13 +56,13 @@ def builders(paper: Path) -> dict[str, Builder]:
 def write_tables(
     rows: Sequence[ResultRow], outputs: Path, results: Path, heads: Collection[str] | None = None
 ) -> list[Path]:
-    """Write `tables/` below a folder: `runs.csv`, the tables and `report.tex`; delete tables of groups gone since.
+    """Write `tables/` below a folder: `runs.csv`, the tables and `report.tex`; delete tables of groups that are gone.
 
     Args:
         rows: At least one.
-        outputs: Where to; the report holds the figures that are there already.
+        outputs: Folder of `tables/`; the document includes the figures already in `figures/`.
         results: Folder of the committed results, for the paper's numbers.
-        heads: Those that the rows were chosen by; None for all.
+        heads: The heads that the rows were selected by; None for all.
 
     Returns:
         The files written, `runs.csv` first.
@@ -73,16 +73,16 @@ def write_tables(
     folder = outputs / FOLDER
     written = [folder / FILE]
     write_atomically(written[0], rows_to_csv(rows))
-    groups, builds = split(collect(rows), find_gaps(outputs, rows, heads)), builders(results / PAPER)
-    related = families(groups)
-    alone = shown_alone(groups, related)
+    groups, builds = group_runs(collect(rows), find_missing_runs(outputs, rows, heads)), builders(results / PAPER)
+    related = join_variants(groups)
+    alone = groups_with_own_tables(groups, related)
     for group in alone:
         for name, build in builds.items():
             if table := build(group, name + group.suffix):
                 written += _write(table, folder / (name + group.suffix))
     for family in related:
         name = VARIANTS + family.group.suffix
-        written += _write(pairs.variants(family, name), folder / name)
+        written += _write(paired_tests.variants(family, name), folder / name)
     for name in (*builds, VARIANTS):
         old = {folder / (name + ending) for ending in ENDINGS} | set(folder.glob(f"{name}{SUFFIX}*"))
         for path in old - set(written):
@@ -90,8 +90,10 @@ def write_tables(
     tables = [Path(path.name) for path in written if path.suffix == ".tex"]
     figures = [Path("..", FIGURES, path.name) for path in sorted((outputs / FIGURES).glob("*.tex"))]
     kinds = [*builds, VARIANTS, *dict.fromkeys(path.stem.partition(SUFFIX)[0] for path in figures)]
-    write_atomically(folder / REPORT, report([*alone, *(family.group for family in related)], tables + figures, kinds))
-    return [*written, folder / REPORT]
+    write_atomically(
+        folder / DOCUMENT, build_document([*alone, *(family.group for family in related)], tables + figures, kinds)
+    )
+    return [*written, folder / DOCUMENT]
 
 
 def _write(table: Table, stem: Path) -> list[Path]:

@@ -26,7 +26,7 @@ Sizes = tuple[int, int, float, float]
 
 
 def oracle(trunk: SirenTrunk, points: Tensor, angles: Tensor, tap: int = 1) -> Evaluation:
-    """All of it by double backward."""
+    """Every output by double backward."""
     points = points.clone().requires_grad_()
     sdf, feature = plain(trunk, points, tap)
     grad = autograd_gradient(lambda at: plain(trunk, at)[0], points)
@@ -94,7 +94,7 @@ def test_pieces_on_several_threads_give_the_same(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize("output", range(4), ids=Evaluation._fields)
 def test_a_loss_of_one_output_alone_gets_its_gradient(output: int) -> None:
-    """What no loss uses sends no adjoint back."""
+    """An output that no loss uses sends no adjoint back."""
     trunk, (points, angles) = network(24, 3, 10.0, 30.0), random_points()
     found = evaluate(trunk.sine_layers, trunk.output, points, angles=angles, tap=2)[output]
     expected = oracle(trunk, points, angles, tap=2)[output]

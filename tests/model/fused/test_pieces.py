@@ -21,7 +21,7 @@ def number(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> I
 
 
 def answers(module: nn.Module, *, together: bool) -> list[Tensor]:
-    """Outputs, and the gradients of a loss of them by inputs and parameters."""
+    """Outputs, and the gradients of a loss on them by inputs and parameters."""
     inputs = torch.randn(31, 11, dtype=torch.float64, generator=torch.Generator().manual_seed(0)).requires_grad_()
     outputs = module(2 * inputs) if together else in_pieces(module, 2 * inputs)
     loss = (outputs.exp() * torch.arange(31)[:, None]).sum()
@@ -36,7 +36,7 @@ def test_every_head_gives_the_same_in_pieces(name: str) -> None:
         torch.testing.assert_close(alone, whole, rtol=1e-12, atol=1e-12)
 
 
-def test_the_work_is_really_cut(number: int) -> None:
+def test_every_thread_gets_one_piece(number: int) -> None:
     sizes: list[int] = []
 
     class Seen(nn.Linear):
@@ -49,6 +49,6 @@ def test_the_work_is_really_cut(number: int) -> None:
     assert len(sizes) == number
 
 
-def test_a_head_without_layers_is_asked_as_it_is(number: int) -> None:
+def test_a_head_without_layers_is_called_directly(number: int) -> None:
     head = HEADS["none"](11, 0)
     assert in_pieces(head, torch.zeros(40 * number, 11)).shape == (40 * number, 0)

@@ -2,20 +2,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from solids import strip
 
 from jointsdf.errors import InputError
-from jointsdf.geometry.mesh import face_areas
-from jointsdf.shapes.labels.files import numbered_by_area, read
-from jointsdf.values import LabelledMesh
-
-
-def strip(widths: list, labels: list[int], height: float = 1.0) -> LabelledMesh:
-    """Rectangles side by side in the plane, two faces each, one label per rectangle."""
-    x = np.concatenate([[0.0], np.cumsum(widths)])
-    vertices = np.stack([np.repeat(x, 2), np.tile([0.0, height], len(x)), np.zeros(2 * len(x))], axis=1)
-    first = 2 * np.arange(len(widths))[:, None]
-    faces = np.concatenate([first + np.array(face) for face in ([0, 2, 1], [2, 3, 1])], axis=1).reshape(-1, 3)
-    return LabelledMesh(vertices, faces, np.repeat(labels, 2))
+from jointsdf.shapes.labels.files import number_by_area, read_labels
 
 
 def per_rectangle(labels: np.ndarray) -> list[int]:
@@ -23,15 +13,10 @@ def per_rectangle(labels: np.ndarray) -> list[int]:
     return labels[::2].tolist()
 
 
-def test_areas_of_a_strip() -> None:
-    mesh = strip([2, 1, 4, 3], [7, 5, 5, -1], height=3.0)
-    np.testing.assert_allclose(face_areas(mesh), [3, 3, 1.5, 1.5, 6, 6, 4.5, 4.5])
-
-
 def test_numbers_fall_with_area_and_keep_unlabelled() -> None:
     mesh = strip([1, 5, 2, 9, 3], [40, 3, -1, 11, 3])
-    assert per_rectangle(numbered_by_area(mesh)) == [2, 1, -1, 0, 1]
-    assert per_rectangle(numbered_by_area(strip([1, 2], [-1, -1]))) == [-1, -1]
+    assert per_rectangle(number_by_area(mesh)) == [2, 1, -1, 0, 1]
+    assert per_rectangle(number_by_area(strip([1, 2], [-1, -1]))) == [-1, -1]
 
 
 @pytest.mark.parametrize("dtype", [np.int8, np.int32, np.int64, np.uint16, ">i4"])
@@ -39,7 +24,7 @@ def test_numbers_fall_with_area_and_keep_unlabelled() -> None:
 def test_reads_any_integers_and_keeps_original_ids(tmp_path: Path, dtype: str, column: bool) -> None:
     ids = np.array([0, 120, 7, 7], dtype=dtype)
     np.save(tmp_path / "labels.npy", ids[:, None] if column else ids)
-    labels = read(tmp_path / "labels.npy", 4)
+    labels = read_labels(tmp_path / "labels.npy", 4)
     assert labels.dtype == np.int64
     assert labels.tolist() == [0, 120, 7, 7]
 
@@ -62,7 +47,7 @@ def test_bad_labels_are_one_line_that_names_the_file(tmp_path: Path, case: str) 
     path = tmp_path / "labels.npy"
     np.save(path, array, allow_pickle=True)
     with pytest.raises(InputError) as caught:
-        read(path, 12)
+        read_labels(path, 12)
     assert message in str(caught.value)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -75,24 +60,24 @@ def test_damaged_label_files_are_input_errors_wherever_they_are_cut(tmp_path: Pa
     for end in range(len(whole)):
         path.write_bytes(whole[:end])
         with pytest.raises(InputError, match="truncated"):
-            read(path, 12)
+            read_labels(path, 12)
     for content in (b"0\n1\n2\n", b"\x00" * 200, b"PK\x03\x04 no archive"):
         path.write_bytes(content)
         with pytest.raises(InputError):
-            read(path, 12)
+            read_labels(path, 12)
 
 
 def test_an_archive_of_arrays_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "labels.npz", np.arange(12))
     with pytest.raises(InputError, match=r"no \.npy"):
-        read(tmp_path / "labels.npz", 12)
+        read_labels(tmp_path / "labels.npz", 12)
 
 
 @pytest.mark.parametrize("content", ["0\n120\n-1\n7\n", "\ufeff0\r\n120\r\n-1\r\n7", "  0\n+120 \n-1\n7\n\n\n"])
 def test_reads_one_integer_per_line_of_a_text(tmp_path: Path, content: str) -> None:
     path = tmp_path / "labels.TXT"
     path.write_bytes(content.encode())
-    assert read(path, 4).tolist() == [0, 120, -1, 7]
+    assert read_labels(path, 4).tolist() == [0, 120, -1, 7]
 
 
 BAD_TEXTS = {
@@ -117,7 +102,7 @@ def test_bad_texts_are_one_line_that_names_the_file(tmp_path: Path, case: str) -
     path = tmp_path / "labels.txt"
     path.write_text(content, encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        read(path, 4)
+        read_labels(path, 4)
     assert message in str(caught.value)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -126,4 +111,4 @@ def test_bad_texts_are_one_line_that_names_the_file(tmp_path: Path, case: str) -
 def test_bytes_that_are_no_text(tmp_path: Path) -> None:
     (tmp_path / "labels.txt").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="is no text"):
-        read(tmp_path / "labels.txt", 4)
+        read_labels(tmp_path / "labels.txt", 4)

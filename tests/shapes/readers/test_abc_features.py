@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from mesh_files import load, put
 
-from jointsdf import shapes
 from jointsdf.errors import InputError
-from jointsdf.shapes.readers import abc_features as features
-from jointsdf.shapes.readers import mesh_file as file
-from jointsdf.values import Shape
+from jointsdf.shapes.readers import mesh_file
+from jointsdf.shapes.readers.abc_features import find_features_file, read_features
 
 ABC = Path(os.environ.get("JOINTSDF_ABC", "absent"))
 RAW = ABC.parent / "abc_raw"
@@ -40,18 +39,8 @@ SURFACES = """surfaces:
 YML = CURVES + SURFACES
 
 
-def put(folder: Path, name: str, content: str | bytes) -> Path:
-    path = folder / name
-    path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return path
-
-
-def load(path: Path, **options: object) -> Shape:
-    return shapes.load(str(path), **{"abc_root": "nowhere", "segmented": False} | options)
-
-
 def test_patches_surfaces_and_sharp_edges(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    found = features.read(put(tmp_path, "a.yml", YML), 4, 4)
+    found = read_features(put(tmp_path, "a.yml", YML), 4, 4)
     assert found.patches.tolist() == [0, 1, 1, 0]
     assert found.surfaces == ("plane", "bspline")
     assert found.sharp_edges.tolist() == [[0, 1], [0, 2], [1, 2]]
@@ -59,10 +48,10 @@ def test_patches_surfaces_and_sharp_edges(tmp_path: Path, caplog: pytest.LogCapt
 
 
 def test_faces_of_no_patch_are_unlabelled_and_counted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    found = features.read(put(tmp_path, "a.yml", YML.replace("[0, 3], type", "[0], type")), 5, 4)
+    found = read_features(put(tmp_path, "a.yml", YML.replace("[0, 3], type", "[0], type")), 5, 4)
     assert found.patches.tolist() == [0, 1, 1, -1, -1]
     assert "2 of 5 faces are in no patch" in caplog.text
-    empty = features.read(put(tmp_path, "b.yml", "curves: []\nsurfaces: []\n"), 3, 3)
+    empty = read_features(put(tmp_path, "b.yml", "curves: []\nsurfaces: []\n"), 3, 3)
     assert (empty.patches.tolist(), empty.surfaces, empty.sharp_edges.shape) == ([-1] * 3, (), (0, 2))
 
 
@@ -108,7 +97,7 @@ def test_bad_files_are_one_line(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=message) as caught:
-        features.read(put(tmp_path, "a.yml", content), 4, 4)
+        read_features(put(tmp_path, "a.yml", content), 4, 4)
     assert "\n" not in str(caught.value)
     assert "a.yml" in str(caught.value)
     assert len(str(caught.value)) < 300
@@ -117,15 +106,15 @@ def test_bad_files_are_one_line(
 
 def test_the_features_file_beside_an_abc_obj(tmp_path: Path) -> None:
     mesh = tmp_path / f"{ID}_trimesh_003.obj"
-    assert features.beside(mesh) is None
+    assert find_features_file(mesh) is None
     put(tmp_path, "00000008_0123456789abcdef01234567_features_003.yml", "")
-    assert features.beside(mesh) is None
+    assert find_features_file(mesh) is None
     other = put(tmp_path, f"{ID}_features_000.yml", "")
-    assert features.beside(mesh) == other
+    assert find_features_file(mesh) == other
     same = put(tmp_path, f"{ID}_features_003.yml", "")
-    assert features.beside(mesh) == same
+    assert find_features_file(mesh) == same
     for name in (f"{ID}_trimesh_003.stl", "bracket.obj", f"x{ID}_trimesh_003.obj"):
-        assert features.beside(tmp_path / name) is None
+        assert find_features_file(tmp_path / name) is None
 
 
 def test_which_labels_an_abc_obj_gets(tmp_path: Path) -> None:
@@ -176,8 +165,8 @@ def test_abc_as_it_is_distributed(model: str, name: str) -> None:
 @pytest.mark.skipif(not RAW.is_dir(), reason="no abc_raw beside the folder that JOINTSDF_ABC names")
 def test_surfaces_and_sharp_edges_of_a_real_model() -> None:
     path = next(RAW.glob("00000655_*_trimesh_*.obj"))
-    mesh = file.read(path)
-    found = features.read(next(RAW.glob("00000655_*_features_*.yml")), len(mesh.faces), len(mesh.vertices))
+    mesh = mesh_file.read_mesh(path)
+    found = read_features(next(RAW.glob("00000655_*_features_*.yml")), len(mesh.faces), len(mesh.vertices))
     assert found.surfaces == ("cone", "sphere", "plane", "cylinder")
     sphere = mesh.vertices[mesh.faces[found.patches == 1]].reshape(-1, 3)
     fit = np.linalg.lstsq(np.column_stack([2 * sphere, np.ones(len(sphere))]), (sphere**2).sum(axis=1), rcond=None)[0]

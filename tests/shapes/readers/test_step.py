@@ -8,24 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from mesh_files import load, put
 from step_files import INCH, METRE, MILLIMETRE, NEEDS_READER, ONE, TOUCHING, step_boxes
 
-from jointsdf import shapes
 from jointsdf.errors import InputError
 from jointsdf.shapes.readers import step
-from jointsdf.values import Shape
 
 DATA = Path(os.environ.get("JOINTSDF_ABC", "absent")).parent
-
-
-def put(folder: Path, name: str, text: str | bytes) -> Path:
-    path = folder / name
-    path.write_bytes(text.encode() if isinstance(text, str) else text)
-    return path
-
-
-def load(path: Path, **options: object) -> Shape:
-    return shapes.load(str(path), **{"abc_root": "nowhere", "segmented": False} | options)
 
 
 def solid(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
@@ -35,7 +24,7 @@ def solid(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
 @NEEDS_READER
 @pytest.mark.parametrize(("unit", "metres"), [(MILLIMETRE, 1e-3), (METRE, 1.0), (INCH, 0.0254)])
 def test_box_keeps_the_units_of_its_file(unit: tuple[str, ...], metres: float) -> None:
-    mesh = step.read(Path("box.step"), step_boxes([((5, 6, 7), (6, 8, 10))], unit).encode())
+    mesh = step.read_step(Path("box.step"), step_boxes([((5, 6, 7), (6, 8, 10))], unit).encode())
     assert mesh.unit == pytest.approx(metres, rel=1e-12)
     np.testing.assert_allclose(np.unique(mesh.vertices[:, 2].round(5)), [7, 10])
     assert len(mesh.vertices) == 8
@@ -62,7 +51,7 @@ def test_bodies_that_touch_stay_closed_and_keep_their_faces(tmp_path: Path) -> N
 
 @NEEDS_READER
 def test_a_painted_side_keeps_its_place_and_its_id() -> None:
-    plain, painted = (step.read(Path("x.step"), step_boxes(ONE, painted=side).encode()) for side in (None, 3))
+    plain, painted = (step.read_step(Path("x.step"), step_boxes(ONE, painted=side).encode()) for side in (None, 3))
     np.testing.assert_array_equal(plain.vertices[plain.faces], painted.vertices[painted.faces])
     assert painted.patches.tolist() == plain.patches.tolist()
 
@@ -70,8 +59,8 @@ def test_a_painted_side_keeps_its_place_and_its_id() -> None:
 @NEEDS_READER
 def test_which_labels_a_step_file_gets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = put(tmp_path, "box.step", step_boxes(ONE))
-    mesh = step.read(path, path.read_bytes())
-    monkeypatch.setattr(step, "read", lambda *_, **__: mesh)
+    mesh = step.read_step(path, path.read_bytes())
+    monkeypatch.setattr(step, "read_step", lambda *_, **__: mesh)
     np.save(tmp_path / "patches.npy", np.zeros(12, dtype=int))
     assert load(path, labels="brep").label_provider == "brep"
     assert load(path, labels="brep").mesh.labels.tolist() == mesh.patches.tolist()
@@ -127,19 +116,19 @@ def test_a_crash_of_the_reader_is_one_line(tmp_path: Path, monkeypatch: pytest.M
     crash.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(crash))
     with pytest.raises(InputError, match=r"a.step is damaged: the STEP reader crashed on it \(signal 11\)"):
-        step.read(Path("a.step"), BOX)
+        step.read_step(Path("a.step"), BOX)
 
 
 def test_without_the_reader_the_line_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"pip install 'jointsdf\[step\]'"):
-        step.read(Path("a.step"), BOX)
+        step.read_step(Path("a.step"), BOX)
 
 
 @pytest.mark.parametrize("options", [{"step_tolerance": 0.0}, {"step_tolerance": 2.0}, {"step_angle": -0.1}])
 def test_tolerances_are_checked(tmp_path: Path, options: dict[str, float]) -> None:
     name, value = next(iter(options.items()))
-    with pytest.raises(InputError, match=f"{name}={value}: give"):
+    with pytest.raises(InputError, match=f"tessellation.{name.removeprefix('step_')}={value}: give a number, from"):
         load(put(tmp_path, "a.step", BOX), **options)
 
 
@@ -157,7 +146,7 @@ CONTEXT = ";#3=(PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.));#4=(GLOBAL_UNIT_ASSIGNED_
 
 @pytest.mark.parametrize(("records", "metres"), UNIT_RECORDS.items())
 def test_length_unit_of_the_file(records: str, metres: float, caplog: pytest.LogCaptureFixture) -> None:
-    assert step.length_unit(Path("a.step"), records + CONTEXT) == pytest.approx(metres, rel=1e-12)
+    assert step.parse_length_unit(Path("a.step"), records + CONTEXT) == pytest.approx(metres, rel=1e-12)
     assert not caplog.records
 
 
@@ -172,14 +161,14 @@ def test_length_unit_of_the_file(records: str, metres: float, caplog: pytest.Log
     ],
 )
 def test_no_length_unit_means_millimetres_and_is_said(records: str, caplog: pytest.LogCaptureFixture) -> None:
-    assert step.length_unit(Path("a.step"), records + CONTEXT) == 1e-3
+    assert step.parse_length_unit(Path("a.step"), records + CONTEXT) == 1e-3
     assert "no length unit found" in caplog.text
 
 
 def test_of_several_units_the_one_used_most(caplog: pytest.LogCaptureFixture) -> None:
     units = "#1=(LENGTH_UNIT()SI_UNIT($,.METRE.));#2=(LENGTH_UNIT()SI_UNIT(.MILLI.,.METRE.));"
     contexts = "".join(f"#{9 + i}=(GLOBAL_UNIT_ASSIGNED_CONTEXT((#{unit})));" for i, unit in enumerate((1, 2, 2)))
-    assert step.length_unit(Path("a.step"), units + contexts) == 1e-3
+    assert step.parse_length_unit(Path("a.step"), units + contexts) == 1e-3
     assert "several length units" in caplog.text
 
 
@@ -188,7 +177,7 @@ def test_welding_drops_degenerate_faces_with_their_patches() -> None:
     vertices, faces = box.vertices[box.faces].reshape(-1, 3), np.arange(36).reshape(-1, 3)
     vertices, faces = np.vstack([vertices, vertices[:3]]), np.insert(faces, 5, [0, 36, 7], axis=0)
     patches = np.insert(np.arange(12), 5, 5)
-    welded, triangles, kept = step.welded(np.array(vertices), faces, patches)
+    welded, triangles, kept = step.weld(np.array(vertices), faces, patches)
     assert len(welded) == 8
     assert kept.tolist() == list(range(12))
     np.testing.assert_array_equal(welded[triangles], box.vertices[box.faces])
@@ -197,7 +186,7 @@ def test_welding_drops_degenerate_faces_with_their_patches() -> None:
 def test_welding_keeps_bodies_apart_that_coincide() -> None:
     box = trimesh.creation.box()
     vertices = np.vstack([box.vertices[box.faces].reshape(-1, 3)] * 3)
-    welded, triangles, _ = step.welded(vertices, np.arange(108).reshape(-1, 3), np.repeat(np.arange(18), 2))
+    welded, triangles, _ = step.weld(vertices, np.arange(108).reshape(-1, 3), np.repeat(np.arange(18), 2))
     assert len(welded) == 24
     assert solid(welded, triangles).body_count == 3
     assert solid(welded, triangles).is_watertight
@@ -227,7 +216,7 @@ def test_real_files_agree_with_their_meshes(name: str, reference: str, units: fl
     path = next(DATA.glob(name), None)
     if path is None:
         pytest.skip(f"no {name} beside the folder that JOINTSDF_ABC names")
-    mesh = step.read(path, path.read_bytes())
+    mesh = step.read_step(path, path.read_bytes())
     found, truth = solid(mesh.vertices, mesh.faces), trimesh.load(next(DATA.glob(reference)), force="mesh")
     assert found.is_watertight
     assert found.volume * units**3 == pytest.approx(truth.volume, rel=2e-3)

@@ -1,8 +1,6 @@
-import csv
 import os
 from collections.abc import Callable
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -10,28 +8,23 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 from sklearn.metrics import adjusted_rand_score
+from solids import labelled
 
 from jointsdf.errors import InputError
-from jointsdf.geometry.face_graph import face_graph, smooth_regions
+from jointsdf.geometry.face_graph import face_graph
 from jointsdf.geometry.mesh import face_areas
 from jointsdf.geometry.topology import components
-from jointsdf.shapes import abc, load
+from jointsdf.shapes import load
 from jointsdf.shapes.builtin import BUILTINS, part_names
 from jointsdf.shapes.builtin.construction import Construction, box, rod
-from jointsdf.shapes.labels import files as part_labels
-from jointsdf.shapes.segmentation.hierarchy import Hierarchy, hierarchy
+from jointsdf.shapes.labels.files import read_labels
+from jointsdf.shapes.segmentation.hierarchy import Hierarchy, build_hierarchy
 from jointsdf.shapes.segmentation.merging import SMALLEST
-from jointsdf.shapes.segmentation.ray_features import surroundings
-from jointsdf.shapes.segmentation.region_features import measured
 from jointsdf.values import LabelledMesh
 
 COUNTS = (None, 2, 3, 7, 18, 40)
 CREASED = ["part_02", "part_05", "part_06", "part_08", "part_11", "part_12", "part_15", "part_41"]
 TURN = Rotation.from_euler("xyz", (0.3, -1.1, 2.0)).as_matrix()
-
-
-def labelled(solid: trimesh.Trimesh) -> LabelledMesh:
-    return LabelledMesh(np.array(solid.vertices), np.array(solid.faces, dtype=np.int64), np.full(len(solid.faces), -1))
 
 
 def bare(mesh: LabelledMesh) -> trimesh.Trimesh:
@@ -83,7 +76,7 @@ def uneven_part() -> LabelledMesh:
 @pytest.fixture(scope="module")
 def uneven() -> tuple[LabelledMesh, Hierarchy]:
     mesh = uneven_part()
-    return mesh, hierarchy(mesh, None)
+    return mesh, build_hierarchy(mesh, None)
 
 
 SOLIDS: dict[str, Callable[[], LabelledMesh]] = {
@@ -98,7 +91,7 @@ SOLIDS: dict[str, Callable[[], LabelledMesh]] = {
 @pytest.mark.parametrize("name", SOLIDS)
 def test_parts_are_connected_large_enough_nested_and_numbered_by_area(name: str) -> None:
     mesh = SOLIDS[name]()
-    tree = hierarchy(mesh, None)
+    tree = build_hierarchy(mesh, None)
     finer = None
     for count in sorted({tree.natural_parts, *COUNTS[1:]}, reverse=True):
         labels = tree.cut(count)
@@ -118,7 +111,7 @@ def test_parts_are_those_of_the_construction(names: list[str]) -> None:
     for name in names:
         mesh = BUILTINS[name]()
         truth = connected_parts(mesh)
-        found[name] = agreement(truth, hierarchy(mesh, None).cut(int(truth.max()) + 1), mesh)
+        found[name] = agreement(truth, build_hierarchy(mesh, None).cut(int(truth.max()) + 1), mesh)
     assert np.mean(list(found.values())) > 0.6
     assert min(found[name] for name in CREASED) > 0.9
 
@@ -137,9 +130,9 @@ def test_same_parts_in_any_order_of_faces(uneven: tuple[LabelledMesh, Hierarchy]
     mesh, tree = uneven
     order = np.random.default_rng(5).permutation(len(mesh.faces))
     rolled = np.stack([np.roll(face, turn) for turn, face in enumerate(mesh.faces[order])])
-    shuffled = hierarchy(LabelledMesh(mesh.vertices, rolled, mesh.labels[order]), None)
+    shuffled = build_hierarchy(LabelledMesh(mesh.vertices, rolled, mesh.labels[order]), None)
     np.testing.assert_array_equal(shuffled.cut(count), tree.cut(count)[order])
-    np.testing.assert_array_equal(hierarchy(mesh, None).cut(count), tree.cut(count))
+    np.testing.assert_array_equal(build_hierarchy(mesh, None).cut(count), tree.cut(count))
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-3, 250.0])
@@ -149,14 +142,14 @@ def test_same_parts_in_any_pose_and_unit(
 ) -> None:
     mesh, tree = uneven
     moved = replace(mesh, vertices=scale * (mesh.vertices @ TURN.T + [70.0, -300.0, 11.0]))
-    np.testing.assert_array_equal(hierarchy(moved, None).cut(count), tree.cut(count))
+    np.testing.assert_array_equal(build_hierarchy(moved, None).cut(count), tree.cut(count))
 
 
 @pytest.mark.parametrize("name", ["uneven", "part_01", "part_02", "part_06", "part_30"])
 def test_natural_parts_survive_remeshing(name: str) -> None:
     mesh = SOLIDS[name]()
     fine = refined(mesh)
-    before, after = hierarchy(mesh, None), hierarchy(fine, None)
+    before, after = build_hierarchy(mesh, None), build_hierarchy(fine, None)
     count = before.natural_parts
     assert abs(after.natural_parts - count) <= 1
     assert agreement(np.repeat(before.cut(count), 4), after.cut(count), fine) > 0.95
@@ -164,7 +157,7 @@ def test_natural_parts_survive_remeshing(name: str) -> None:
 
 def test_smooth_bodies_are_split_into_like_pieces() -> None:
     mesh = SOLIDS["ring"]()
-    tree = hierarchy(mesh, None)
+    tree = build_hierarchy(mesh, None)
     for count in (2, 4, 8):
         areas = np.bincount(tree.cut(count), face_areas(mesh))
         assert areas.max() < 1.1 * areas.min()
@@ -177,7 +170,7 @@ def test_several_bodies() -> None:
     ]
     mesh = labelled(trimesh.util.concatenate(parts))
     body = np.repeat([0, 1, 2], [len(part.faces) for part in parts])
-    tree = hierarchy(mesh, None)
+    tree = build_hierarchy(mesh, None)
     np.testing.assert_array_equal(tree.cut(3), body, err_msg="a whole body is a part, however small")
     np.testing.assert_array_equal(tree.cut(2), [0, 1, 1] @ (body == np.arange(3)[:, None]), err_msg="the nearest joins")
     assert pieces_of(mesh, tree.cut(10)) == 10
@@ -186,15 +179,14 @@ def test_several_bodies() -> None:
 def test_open_and_non_manifold_meshes() -> None:
     tube = trimesh.creation.cylinder(1, 6, sections=12)
     side = labelled(tube.submesh([np.abs(tube.face_normals[:, 2]) < 0.5], append=True))
-    assert smooth_regions(face_graph(side), None).max() == 0, "a cylinder of twelve segments is one region"
-    assert pieces_of(side, hierarchy(side, None).cut(4)) == 4
+    assert pieces_of(side, build_hierarchy(side, None).cut(4)) == 4
     boxes = [trimesh.creation.box().apply_translation(shift) for shift in ((0, 0, 0), (1, 1, 0))]
     joined = trimesh.util.concatenate(boxes)
     joined.merge_vertices()
     mesh = labelled(joined)
     uses = np.unique(np.sort(joined.edges, axis=1), axis=0, return_counts=True)[1]
     assert 4 in uses, "the boxes share an edge"
-    parts = hierarchy(mesh, None).cut(2)
+    parts = build_hierarchy(mesh, None).cut(2)
     np.testing.assert_array_equal(parts, np.repeat(parts[[0, 12]], 12))
     assert parts[0] != parts[12]
 
@@ -204,7 +196,7 @@ def test_ten_faces() -> None:
     vertices = np.array([*corners, (0.1, 0.05, 1.3), (0, 0, -0.7)])
     faces = [(k, (k + 1) % 5, 5) for k in range(5)] + [((k + 1) % 5, k, 6) for k in range(5)]
     mesh = LabelledMesh(vertices, np.array(faces), np.full(10, -1))
-    tree = hierarchy(mesh, None)
+    tree = build_hierarchy(mesh, None)
     assert [int(tree.cut(count).max()) + 1 for count in (1, 2, 5, 10)] == [1, 2, 5, 10]
     for count in (0, 11):
         with pytest.raises(InputError, match=f"num_parts={count}: this mesh can be cut into 1 to 10 parts"):
@@ -214,49 +206,15 @@ def test_ten_faces() -> None:
 def test_patches_are_never_mixed_and_their_pieces_are_parts() -> None:
     mesh = SOLIDS["cube"]()
     patches = np.where(mesh.vertices[mesh.faces].mean(axis=1)[:, 0] > 0, 3, 8)
-    parts = hierarchy(mesh, patches).cut(2)
+    parts = build_hierarchy(mesh, patches).cut(2)
     assert adjusted_rand_score(parts, patches) == 1.0
-    unknown = np.where(patches == 3, 3, -1)
-    np.testing.assert_array_equal(
-        smooth_regions(face_graph(mesh), unknown)[patches == 3], smooth_regions(face_graph(mesh), patches)[patches == 3]
-    )
-    assert smooth_regions(face_graph(mesh), unknown).max() + 1 == 1 + 5, "five sides of the half without patches"
 
 
 def test_slivers_are_absorbed() -> None:
     mesh = SOLIDS["uneven"]()
     noisy = np.arange(len(mesh.faces))
-    tree = hierarchy(mesh, noisy)
+    tree = build_hierarchy(mesh, noisy)
     assert tree.areas.min() >= SMALLEST
-
-
-def test_dihedral_angles_are_exact() -> None:
-    part = Construction()
-    part.add("foot", box((0, 0, 0), (10, 4, 2)))
-    part.add("wall", box((0, 0, 0), (2, 4, 10)))
-    mesh = part.mesh()
-    graph = face_graph(mesh)
-    creases = np.abs(graph.angles) > 0.1
-    np.testing.assert_allclose(np.abs(graph.angles[creases]), np.pi / 2)
-    np.testing.assert_allclose(graph.lengths[creases & (graph.angles < 0)].sum(), 4.0)
-    found = measured(mesh, graph, smooth_regions(graph, None))
-    np.testing.assert_allclose(found.areas.sum(), 1.0)
-
-
-def test_thickness_and_occlusion() -> None:
-    part = Construction()
-    part.add("plate", box((0, 0, 0), (40, 40, 2)))
-    part.add("pillar", box((0, 0, 1), (10, 10, 40)))
-    part.cut("pit", box((18, 18, 1), (22, 22, 3)), box((4.5, 4.5, 8), (5.5, 5.5, 41)))
-    mesh = part.mesh()
-    regions = smooth_regions(face_graph(mesh), None)
-    thickness, occlusion = (values[regions] for values in surroundings(mesh, regions))
-    size = np.linalg.norm(np.ptp(mesh.vertices, axis=0))
-    centres = mesh.vertices[mesh.faces].mean(axis=1)
-    bottom, shaft = centres[:, 2] == 0, (np.abs(centres[:, :2] - 5) < 0.6).all(axis=1) & (centres[:, 2] < 39)
-    np.testing.assert_allclose(np.exp(thickness[bottom]) * size, 2.3, rtol=0.15)
-    assert (occlusion[bottom] == 0).all()
-    assert (occlusion[shaft] > 0.5).all()
 
 
 def test_saved_hierarchy_is_the_same(tmp_path: Path, uneven: tuple[LabelledMesh, Hierarchy]) -> None:
@@ -273,7 +231,7 @@ def real(name: str) -> tuple[LabelledMesh, Hierarchy]:
     root = Path(os.environ["JOINTSDF_ABC"])
     mesh = load(name, abc_root=root, labels="none", segmented=False).mesh
     patches = root / name / "patches.npy"
-    return mesh, hierarchy(mesh, part_labels.read(patches, len(mesh.faces)) if patches.is_file() else None)
+    return mesh, build_hierarchy(mesh, read_labels(patches, len(mesh.faces)) if patches.is_file() else None)
 
 
 def test_flange_and_shaft_come_apart() -> None:
@@ -302,23 +260,13 @@ def test_hole_walls_are_parts_of_their_own() -> None:
     part.add("plate", box((0, 0, 0), (60, 40, 5)))
     part.cut("holes", *(rod((x, y, -1), 7, r) for x, y, r in ((9, 9, 3), (50, 9, 3.4), (9, 30, 3.8), (50, 30, 4.2))))
     mesh = part.mesh()
-    parts = hierarchy(mesh, None).cut(5)
+    parts = build_hierarchy(mesh, None).cut(5)
     assert agreement(connected_parts(mesh), parts, mesh) > 0.99
-    assert (hierarchy(mesh, None).cut(1) == 0).all()
+    assert (build_hierarchy(mesh, None).cut(1) == 0).all()
 
 
 def test_a_body_too_small_to_measure_stays_whole() -> None:
     speck = trimesh.creation.box().apply_scale(1e-11).apply_translation((5, 0, 0))
     mesh = labelled(trimesh.util.concatenate([trimesh.creation.box(), speck]))
-    parts = hierarchy(mesh, None).cut(None)
+    parts = build_hierarchy(mesh, None).cut(None)
     assert len(np.unique(parts[12:])) == 1
-
-
-def test_benchmark_table_names_every_catalogue_shape_once() -> None:
-    text = resources.files("jointsdf.shapes").joinpath("benchmark.csv").read_text(encoding="utf-8")
-    rows = list(csv.DictReader(text.splitlines()))
-    assert [row["shape"] for row in rows] == list(abc.catalogue())
-    counts = [int(row["num_parts"]) for row in rows]
-    assert min(counts) >= 2
-    assert max(counts) == 18
-    assert len(set(counts)) >= 10, "spread over the whole range"

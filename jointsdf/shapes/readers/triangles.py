@@ -1,0 +1,31 @@
+"""Triangles of any file that can be a shape: a mesh or STEP file."""
+
+import hashlib
+from pathlib import Path
+
+from jaxtyping import Int
+from numpy import ndarray
+
+from jointsdf.shapes.readers import mesh_file, step
+
+
+def read_triangles(
+    path: Path, tessellation: step.Tessellation = step.DEFAULT
+) -> tuple[mesh_file.FileMesh, Int[ndarray, " f"] | None]:
+    """Read the triangles of a mesh or STEP file, in the order that its label files follow.
+
+    Args:
+        path: The file.
+        tessellation: Of a STEP file.
+
+    Returns:
+        The triangles, and the B-rep face of each for a STEP file, None for any other.
+
+    Raises:
+        InputError: The file cannot be read.
+    """
+    if path.suffix.lower() not in step.SUFFIXES:
+        return mesh_file.read_mesh(path), None
+    data = mesh_file.read_content(path)
+    mesh = step.read_step(path, data, tessellation)
+    return mesh_file.FileMesh(mesh.vertices, mesh.faces, False, hashlib.sha256(data).hexdigest()), mesh.patches

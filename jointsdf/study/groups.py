@@ -1,0 +1,107 @@
+"""Groups of comparable runs: same study, recipe, variant, source of shapes, kind of labels and protocol."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from jointsdf.runs.records import DEFAULT_PROTOCOL, source_of
+from jointsdf.study.missing_runs import MissingRun
+
+GROUP = ["study", "recipe", "variant", "source", "label_kind", "protocol"]
+BASELINE = "none"
+BUDGET = ("steps", "resolution", "parameters_trunk")
+SUFFIX = "--"  # between a table's name and its group
+
+
+@dataclass(frozen=True)
+class Group:
+    """Comparable runs, and the suffix of their tables' names.
+
+    Attributes:
+        key: Value of each column of `GROUP`.
+        suffix: Of the file names; empty for the default group.
+        runs: Lines of `collect`.
+        borrowed: Baseline runs of another study, where this one has none: same recipe, variant, shapes' source,
+            protocol and budget.
+        missing: Planned runs of the study that have no result.
+    """
+
+    key: dict[str, str]
+    suffix: str
+    runs: pd.DataFrame
+    borrowed: pd.DataFrame
+    missing: list[MissingRun]
+
+    @property
+    def borrowed_from(self) -> str:
+        """The study of the borrowed runs; empty for none."""
+        return "" if self.borrowed.empty else str(self.borrowed["study"].iloc[0])
+
+
+def group_runs(runs: pd.DataFrame, missing: Sequence[MissingRun] = ()) -> list[Group]:
+    """Group the runs that are comparable, the default group first.
+
+    The default is the group of protocol `unit` with most runs. Baseline runs (head `none`) do not use labels, so they
+    join the groups of every kind of labels; without a run of another head they are a group of their own.
+
+    Args:
+        runs: Lines of `collect`.
+        missing: Planned runs without a result, of any study.
+    """
+    baseline = runs[runs["head"] == BASELINE]
+    other = [column for column in GROUP if column != "label_kind"]
+    alone = pd.Series(True, index=baseline.index)
+    parts: list[tuple[tuple[str, ...], pd.DataFrame]] = []
+    for key, part in runs[runs["head"] != BASELINE].groupby(GROUP):
+        same = (baseline[other] == part[other].iloc[0]).all(axis="columns")
+        alone &= ~same
+        parts.append((tuple(map(str, key)), pd.concat([part, baseline[same]])))
+    rest = baseline[alone].assign(label_kind=BASELINE)
+    parts += [(tuple(map(str, key)), part) for key, part in rest.groupby(GROUP)]
+    parts.sort(key=lambda item: (item[0][-1] != DEFAULT_PROTOCOL, -len(item[1]), item[0]))
+    suffixes = _suffixes([key for key, _ in parts])
+    return [
+        Group(
+            dict(zip(GROUP, key, strict=True)),
+            suffix,
+            part,
+            _borrow_baseline(part, baseline),
+            _missing_of(key, missing),
+        )
+        for (key, part), suffix in zip(parts, suffixes, strict=True)
+    ]
+
+
+def _missing_of(key: tuple[str, ...], missing: Sequence[MissingRun]) -> list[MissingRun]:
+    study, _, variant, source, *_ = key
+    wanted = (study, variant, source)
+    return [run for run in missing if (run.study, run.variant, source_of(run.shape)) == wanted]
+
+
+def _borrow_baseline(part: pd.DataFrame, baseline: pd.DataFrame) -> pd.DataFrame:
+    """Baseline runs for a group without any, from the other study that covers most of its shapes."""
+    same = [name for name in ("recipe", "variant", "source", "protocol", *BUDGET) if name in part]
+    usable = baseline[baseline["study"] != part["study"].iloc[0]]
+    if (part["head"] == BASELINE).any():
+        return usable[:0]
+    wanted = set(part[["shape", *same]].itertuples(index=False, name=None))
+    offered = usable[["shape", *same]].itertuples(index=False, name=None)
+    usable = usable[pd.Series([run in wanted for run in offered], index=usable.index, dtype=bool)]
+    studies = usable.groupby("study")["shape"].nunique()
+    return usable if studies.empty else usable[usable["study"] == studies.idxmax()]
+
+
+def _suffixes(keys: list[tuple[str, ...]]) -> Iterator[str]:
+    """A suffix per group, none twice; empty for the first."""
+    used: set[str] = set()
+    for position, key in enumerate(keys):
+        suffix = SUFFIX + file_words(key) if position else ""
+        yield suffix if suffix not in used else f"{suffix}-{position}"
+        used.add(suffix)
+
+
+def file_words(key: tuple[str, ...]) -> str:
+    """A group's key as part of a file's name."""
+    return "-".join(dict.fromkeys(re.sub(r"[^A-Za-z0-9_=+.]+", "-", word) for word in key))  # no word twice

@@ -1,0 +1,37 @@
+"""Borders between parts, displaced by known amounts."""
+
+import numpy as np
+import pytest
+from surface_samples import cube, plate, score
+
+from jointsdf.metrics.boundary import Boundary, points_along
+from jointsdf.values import LabelledMesh
+
+
+@pytest.mark.parametrize(("shift", "expected"), [(0.0, 1.0), (0.005, 1.0), (0.015, 0.0), (0.1, 0.0)])
+def test_displaced_border_counts_up_to_the_tolerance(shift, expected):
+    assert score(Boundary(), plate(lambda _: 0.5 + shift), plate(lambda _: 0.5))["boundary_f1"] == expected
+
+
+def test_border_that_leaves_counts_by_length():
+    away = plate(lambda y: np.where(y < 0.3, 0.5, 0.55))
+    found = score(Boundary(), away, plate(lambda _: 0.5))["boundary_f1"]
+    precision, recall = (0.3 + 0.01) / (1.0 + 0.05), 0.3 + 0.01  # the last 0.01: around the corner
+    assert found == pytest.approx(2 * precision * recall / (precision + recall), abs=0.002)
+
+
+def test_meshes_without_border():
+    one, two = cube(labels=np.zeros(12, int)), cube(labels=np.arange(12) // 2)
+    assert score(Boundary(), one, one)["boundary_f1"] == 1.0
+    assert score(Boundary(), one, two)["boundary_f1"] == 0.0
+    assert score(Boundary(), two, one)["boundary_f1"] == 0.0
+
+
+def test_points_along_edges_are_even_and_carry_the_length():
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0.0004, 0], [1, 0.0004, 0]])
+    mesh = LabelledMesh(vertices, np.zeros((0, 3), int), np.zeros(0, int))
+    points, lengths = points_along(mesh, np.array([[0, 1], [1, 2], [2, 3]]), 0.001)
+    assert len(points) == 1001
+    np.testing.assert_allclose(points[:1000, 0], (np.arange(1000) + 0.5) / 1000, atol=1e-12)
+    np.testing.assert_allclose(points[1000], [1, 0.0002, 0], atol=1e-15)
+    assert lengths.sum() == pytest.approx(1.0004)

@@ -1,0 +1,75 @@
+"""Files read back by trimesh; arrays for TensorBoard."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from labelled_meshes import EMPTY, box, by_side, sphere
+
+from jointsdf.values import LabelledMesh
+from jointsdf.viewing.export import TENSORBOARD_VERTICES, tensorboard_mesh, write_mesh
+from jointsdf.viewing.palette import part_colours
+
+
+def test_ply_and_labels_round_trip_exactly(tmp_path: Path) -> None:
+    ball = sphere(1.0, subdivisions=3)
+    labels = np.random.default_rng(0).integers(-1, 90, len(ball.faces))
+    mesh = LabelledMesh(ball.vertices / 3 + [1e5, 2e5, 3e5], ball.faces, labels)
+    write_mesh(tmp_path / "run", mesh)
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["labels.npy", "mesh.glb", "mesh.ply"]
+    read = trimesh.load_mesh(tmp_path / "run" / "mesh.ply", process=False)
+    np.testing.assert_array_equal(read.vertices, mesh.vertices)
+    np.testing.assert_array_equal(read.faces, mesh.faces)
+    np.testing.assert_array_equal(read.visual.face_colors[:, :3], part_colours(labels))
+    np.testing.assert_array_equal(read.metadata["_ply_raw"]["face"]["data"]["label"].reshape(-1), labels)
+    stored = np.load(tmp_path / "run" / "labels.npy", allow_pickle=False)
+    assert stored.dtype == np.int64
+    np.testing.assert_array_equal(stored, labels)
+
+
+def test_glb_has_one_coloured_node_per_part(tmp_path: Path) -> None:
+    mesh = box(lambda normals: by_side(normals) - 1)
+    write_mesh(tmp_path, mesh)
+    scene = trimesh.load_scene(tmp_path / "mesh.glb")
+    names = {"unlabelled" if part < 0 else f"part_{part}": part for part in np.unique(mesh.labels)}
+    assert set(scene.graph.nodes_geometry) == set(names)
+    for name, part in names.items():
+        geometry = scene.geometry[name]
+        triangles = mesh.vertices[mesh.faces[mesh.labels == part]]
+        np.testing.assert_allclose(geometry.triangles, triangles, atol=1e-6)
+        linear = np.array(geometry.visual.material.baseColorFactor[:3]) / 255
+        srgb = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
+        np.testing.assert_allclose(srgb * 255, part_colours(np.array([part]))[0], atol=6)
+
+
+def test_empty_mesh_writes_a_valid_ply_and_labels(tmp_path: Path) -> None:
+    write_mesh(tmp_path, box(by_side))
+    write_mesh(tmp_path, EMPTY)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["labels.npy", "mesh.ply"]
+    content = (tmp_path / "mesh.ply").read_bytes()
+    assert content.endswith(b"end_header\n")
+    assert b"element vertex 0\n" in content
+    assert b"element face 0\n" in content
+    assert np.load(tmp_path / "labels.npy").shape == (0,)
+
+
+def test_tensorboard_faces_keep_their_colour_and_place() -> None:
+    mesh = LabelledMesh(box(by_side).vertices * [30, 10, 20] + 500, box(by_side).faces, box(by_side).labels)
+    vertices, colours, faces = tensorboard_mesh(mesh)
+    assert vertices.shape == colours.shape == (1, 24, 3)  # 6 sides, 4 corners each
+    assert faces.shape == (1, 12, 3)
+    for corner in range(3):
+        np.testing.assert_array_equal(colours[0][faces[0, :, corner]], part_colours(mesh.labels))
+    np.testing.assert_allclose(vertices[0].min(axis=0), [-1, -1 / 3, -2 / 3], atol=1e-6)
+    np.testing.assert_allclose(vertices[0][faces[0]] * 15 + 500, mesh.vertices[mesh.faces], atol=1e-4)
+
+
+def test_tensorboard_refuses_what_it_would_corrupt() -> None:
+    count = TENSORBOARD_VERTICES // 3 + 1
+    vertices = np.random.default_rng(0).normal(size=(3 * count, 3))
+    faces = np.arange(3 * count).reshape(-1, 3)
+    fits = LabelledMesh(vertices, faces[:-1], np.zeros(count - 1, dtype=np.int64))
+    assert tensorboard_mesh(fits)[0].shape == (1, TENSORBOARD_VERTICES, 3)
+    with pytest.raises(ValueError, match="65538 vertices: TensorBoard shows at most 65535"):
+        tensorboard_mesh(LabelledMesh(vertices, faces, np.zeros(count, dtype=np.int64)))
