@@ -27,7 +27,7 @@ from jointsdf.runs import status
 from jointsdf.runs.lock import lock
 with lock(Path(sys.argv[1]), wait=False):
     status.begin(Path(sys.argv[1]))
-    status.report(Path(sys.argv[1]), 7, 20, 14.0)
+    status.note_progress(Path(sys.argv[1]), 7, 20, 14.0)
     print("held", flush=True)
     time.sleep(float(sys.argv[2]))
 """
