@@ -4,6 +4,7 @@ import logging
 import sys
 import warnings
 from collections.abc import Callable
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 
@@ -30,8 +31,9 @@ def train(cfg: DictConfig) -> float | None:
     """Make one run; returns the primary protocol's cd_l1 to a sweeper."""
     with user_errors(failed):
         configure_logging()
-        with phase("start", "torch and lightning"):  # only after Hydra has accepted the command line
-            from jointsdf.experiment.run import run
+        known = "jointsdf.experiment.run" in sys.modules  # a sweep's later runs find it there
+        with nullcontext() if known else phase("start", "torch and lightning"):
+            from jointsdf.experiment.run import run  # only after Hydra has accepted the command line
         configure_logging()
         if HydraConfig.get().mode is RunMode.MULTIRUN:
             return sweep.run_one(cfg)
