@@ -11,7 +11,7 @@ from pathlib import Path
 
 from benchmarks import extraction, fit, limits, measures, overhead, quality, step
 from benchmarks.table import Row, table
-from jointsdf.runs.provenance import provenance
+from jointsdf.runs.provenance import code_state, provenance
 from jointsdf.training.product_choice import machine_kind
 
 RESULTS = Path(__file__).with_name("results.csv")
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str]) -> None:
 
 def write(path: Path, rows: Sequence[Row], command: str) -> None:
     """Append rows with what made them: command, commit, machine, date and the machine's kind."""
-    known = provenance(config_hash="")
+    known = provenance(code_state(), config_hash="")
     made = {"command": command, **{key: known[key] for key in ("commit", "dirty", "machine", "date")}}
     made["kind"] = machine_kind()
     new = not path.exists()

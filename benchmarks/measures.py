@@ -23,9 +23,9 @@ def rows(resolution: int = 256, repetitions: int = 5) -> list[Row]:
         repetitions: The medians are over so many.
     """
     cfg = composed("data.pool_size=20000")
-    shape, data, _ = built(cfg)
+    shape, _, module = built(cfg)
     measures = build.measures(cfg, resolution)
-    mesh = ceiling_mesh(shape, measures.extraction, data.cloud.normalisation)
+    mesh = ceiling_mesh(shape, measures.extraction, module.field.normalisation)
     found: dict[str, dict[str, dict[str, float]]] = {}
 
     def together() -> None:

@@ -5,7 +5,7 @@ import signal
 
 import pytest
 import torch
-from command_line import train
+from command_line import finished, train
 from run_folders import assert_same_weights, checkpoint, finished_weights, own_copy, row_of, weights
 from steps import count_steps, forbid_training, stop_at
 
