@@ -73,6 +73,7 @@ lint: setup ## ruff, mypy and the import contracts
 docs: setup ## The documentation into docs/_build/html, offline; executes its notebook, and a warning is an error
 	$(RUN) docs/package_graph.py
 	$(RUN) -m sphinx -b html -W --keep-going -q docs docs/_build/html
+	@grep -q '<img[^>]*png' docs/_build/html/notebooks/first_fit.html || { echo "the notebook's page has no figure"; exit 1; }
 	@echo "Open docs/_build/html/index.html"
 
 clean: ## Delete caches and build leftovers; outputs and .venv stay

@@ -28,6 +28,7 @@ html_math_renderer = "mathml"  # written at build time: the pages need neither M
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
 
+os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"  # the notebook's figures go into its page
 nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True

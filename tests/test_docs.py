@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import runpy
 from pathlib import Path
 
 import pytest
@@ -51,3 +52,10 @@ def test_files_of_the_project_are_named_as_they_are(document: Path) -> None:
     names = re.findall(r"`((?:jointsdf|tests|conf|sweeps|benchmarks|docs|results)/[\w./-]*)`", text)
     missing = [name for name in names if not (ROOT / name).exists() and not re.search("mine|_build", name)]
     assert not missing
+
+
+def test_the_package_graph_is_that_of_the_imports() -> None:
+    """`make docs` draws it anew."""
+    script = runpy.run_path(str(ROOT / "docs" / "package_graph.py"))
+    drawn = script["drawing"](script["import_graph"]())
+    assert drawn == (ROOT / "docs" / "package_graph.svg").read_text(encoding="utf-8")
