@@ -1,1 +1,1 @@
-"""What the package claims of its speed, measured here: `make bench`. Each file says what it compares with."""
+"""Measurements behind the speed that the package claims: `make bench`. Each file says what it compares with."""

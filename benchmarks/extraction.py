@@ -183,6 +183,6 @@ def compared(what: str, against: str, ours: Surface, theirs: Surface, resolution
 
 
 def rim_edges(surface: Surface) -> tuple[int, int]:
-    """How many edges have one face only, and how many there are."""
+    """Number of edges with one face only, and of all edges."""
     _, faces = np.unique(edge_keys(surface.faces, len(surface.vertices)), return_counts=True)
     return int((faces == 1).sum()), len(faces)

@@ -1,4 +1,4 @@
-"""What is promised to take no longer than so many seconds of one core: loading, labelling, reporting, tables."""
+"""Limits in seconds of one core: loading, labelling, reporting, tables."""
 
 import os
 import tempfile

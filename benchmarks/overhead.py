@@ -1,4 +1,4 @@
-"""What a run adds to the bare step at the size of `fast`: Lightning's loop, drawing samples, logging.
+"""Overhead of a run over the bare step at the size of `fast`: Lightning's loop, drawing samples, logging.
 
 The bare step is objective, backward, clip and optimizer on samples drawn beforehand. Both sides take as many steps; of
 a run, the seconds of a shorter run are taken away, so that starting and ending does not count.

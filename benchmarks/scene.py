@@ -52,5 +52,5 @@ def fitted(cfg: DictConfig, mesh: LabelledMesh | None = None) -> tuple[Shape, Jo
 
 
 def measured(cfg: DictConfig, module: JointSDFModule) -> Products:
-    """How a run's matrices are multiplied on this machine."""
+    """Choose how a run's matrices are multiplied on this machine."""
     return choose_products(build.fit_machine(cfg).products, module.sizes)[0]
