@@ -3,6 +3,7 @@
 import errno
 import logging
 import signal
+import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
@@ -116,6 +117,11 @@ def user_errors(failed: list[str]) -> Iterator[None]:
         failed.append(message)
     finally:
         signal.signal(signal.SIGTERM, previous)
+
+
+def program_name(module: str) -> str:
+    """The command as the user typed it, for its help: `jointsdf study`, or `python -m jointsdf.study`."""
+    return sys.argv[0] if sys.argv[0].startswith("jointsdf ") else f"python -m {module}"
 
 
 def one_line(error: BaseException) -> str | None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from jointsdf.abc_dataset import archive, chunks, download, members, prepare
 from jointsdf.abc_dataset.progress import bars
+from jointsdf.cli_logging import program_name
 from jointsdf.errors import InputError
 from jointsdf.shapes import abc
 
@@ -41,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m jointsdf.shapes.abc", description="The ABC shapes of the catalogue."
+        prog=program_name("jointsdf.shapes.abc"), description="The ABC shapes of the catalogue."
     )
     commands = parser.add_subparsers(dest="command", required=True)
     command = commands.add_parser(

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from jointsdf.cli_logging import program_name
 from jointsdf.study.collect import load_rows
 from jointsdf.study.commit import commit_rows
 from jointsdf.study.document import compile_pdf
@@ -29,7 +30,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m jointsdf.study", description="Tables from result rows.")
+    parser = argparse.ArgumentParser(
+        prog=program_name("jointsdf.study"), description="Tables, status and committed rows of a study."
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     tables = commands.add_parser("tables", help="write OUTPUTS/tables/*.csv and *.tex")
     report = commands.add_parser(

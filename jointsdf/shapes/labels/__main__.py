@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from jointsdf.cli_logging import program_name
 from jointsdf.errors import InputError
 from jointsdf.shapes.labels import partfield
 from jointsdf.shapes.labels.files import number_by_area
@@ -95,7 +96,9 @@ def import_partfield(path: Path, results: Path, mesh: FileMesh, num_parts: int |
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code, 2 for what the user can mend."""
-    parser = argparse.ArgumentParser(prog="python -m jointsdf.shapes.labels", description="Labels by other programs.")
+    parser = argparse.ArgumentParser(
+        prog=program_name("jointsdf.shapes.labels"), description="Labels by other programs."
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     command = commands.add_parser("partfield", help="call your PartField checkout (needs CUDA), import its parts")
     command.add_argument("mesh", type=Path, help="the mesh or STEP file; the results go beside it")

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
+from jointsdf.cli_logging import program_name
 from jointsdf.runs.records import DEFAULT_PROTOCOL
 from jointsdf.runs.row import ResultRow
 from jointsdf.study.__main__ import add_folders, add_heads
@@ -26,7 +27,7 @@ FROM_RUN_FOLDERS = {"triptychs": triptychs, "failures": failures, "loss_curves":
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit code, 2 for an error that the user can fix."""
-    parser = argparse.ArgumentParser(prog="python -m jointsdf.figures", description="Figures of the runs.")
+    parser = argparse.ArgumentParser(prog=program_name("jointsdf.figures"), description="Figures of the runs.")
     add_folders(parser)
     add_heads(parser)
     options = parser.parse_args(arguments)
