@@ -58,4 +58,4 @@ def test_the_package_graph_is_that_of_the_imports() -> None:
     """`make docs` draws it anew."""
     script = runpy.run_path(str(ROOT / "docs" / "package_graph.py"))
     drawn = script["drawing"](script["import_graph"]())
-    assert drawn == (ROOT / "docs" / "package_graph.svg").read_text(encoding="utf-8")
+    assert drawn == (ROOT / "docs" / "package_graph.svg").read_text(encoding="utf-8"), "python docs/package_graph.py"
