@@ -15,6 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 from hydra import compose, initialize_config_module
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
@@ -131,7 +132,8 @@ def fit(
         seed: Seed of initialisation and samples.
         out: A folder for the run's files, which is made; the same call resumes a stopped run, and returns a finished
             one. None: no file is left.
-        overrides: More values as on the command line, e.g. `["trainer.max_steps=800", "extraction.resolution=384"]`.
+        overrides: More values as on the command line, e.g. `["trainer.max_steps=800", "extraction.resolution=384"]`;
+            those of the labels (`labels`, `num_parts`, ...) count for a shape by name or path.
         quiet: Whether to show neither log lines nor a progress bar.
 
     Raises:
@@ -144,10 +146,13 @@ def fit(
         given = shape.name if isinstance(shape, Shape) else str(shape)
         OmegaConf.update(cfg, "shape", given)
         OmegaConf.update(cfg, "paths.outputs", str(folder))
+        OmegaConf.update(cfg, "paths.abc_missing", "error")
         stack.enter_context(log_to_stderr(quiet))
         build.check_config(cfg)
-        truth = shape if isinstance(shape, Shape) else load_shape(shape)
-        if head != "none":
+        if cfg.reuse:
+            raise InputError("reuse=true: the row of another study holds no field; leave it out")
+        truth = shape if isinstance(shape, Shape) else build.load_shape(cfg)
+        if cfg.head.name != "none":
             shapes.require_parts(truth)
         stack.enter_context(process_settings())
         stack.enter_context(large_pieces())
@@ -195,5 +200,7 @@ def _field_and_mesh(outcome: Outcome, folder: Path) -> tuple[JointField, PartMes
     if outcome.field is not None and outcome.mesh is not None:
         mesh = outcome.mesh
         return outcome.field, PartMesh(mesh.vertices, mesh.faces, mesh.labels)
+    if outcome.row.status == "empty_mesh":
+        return JointField.load(folder / FIELD), PartMesh(np.zeros((0, 3)), np.zeros((0, 3), int), np.zeros(0, int))
     found, labels, _ = read_labelled_ply(folder / "mesh.ply")
     return JointField.load(folder / FIELD), PartMesh(found.vertices, found.faces, labels)

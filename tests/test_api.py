@@ -1,5 +1,6 @@
 """The library's face: shapes of every kind, a fit that leaves nothing behind, fields loaded again."""
 
+import json
 import logging
 import os
 import signal
@@ -151,6 +152,8 @@ def test_labels_of_arrays_follow_the_faces_that_are_kept() -> None:
         ({"source": "nowhere.stl"}, "file not found: nowhere.stl"),
         ({"source": "part_1"}, "near names are"),
         ({"source": "part_01", "num_parts": 1}, "num_parts=1: give an integer, at least 2"),
+        ({"vertices": RING.vertices, "faces": RING.faces, "num_parts": 1}, "num_parts=1: give an integer, at least 2"),
+        ({"vertices": RING.vertices, "faces": RING.faces, "num_parts": 2.5}, "num_parts=2.5: give an integer"),
         ({"source": "abc_0001", "abc_root": "nowhere"}, "abc_0001"),
     ],
     ids=str,
@@ -170,6 +173,7 @@ def test_what_is_no_shape_is_one_line(given, message) -> None:
         ({"overrides": ["trainer.steps=3"]}, "steps"),
         ({"overrides": ["trainer.max_steps=0"]}, "trainer.max_steps=0: give an integer, at least 1"),
         ({"shape": "part_99"}, "unknown shape 'part_99'"),
+        ({"overrides": ["reuse=true"]}, "reuse=true: the row of another study holds no field"),
         ({"shape": jointsdf.load_shape("part_01", labels="none")}, "has no part labels"),
     ],
     ids=str,
@@ -201,3 +205,18 @@ def test_importing_the_package_is_light_and_changes_nothing() -> None:
     assert done.stdout.strip() == jointsdf.__version__
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = jointsdf.nothing
+
+
+def test_labels_of_the_overrides_count_for_a_shape_by_name() -> None:
+    run = jointsdf.fit("part_01", recipe="smoke", quiet=True, overrides=[*SHORT, "labels=geometric", "num_parts=3"])
+    assert (run.row.num_parts, run.row.provenance["label_provider"]) == (3, "geometric:k=3")
+    assert run.field.part_ids.tolist() == [0, 1, 2]
+
+
+def test_a_finished_run_without_a_surface_is_given_back(tmp_path) -> None:
+    flat = jointsdf.fit("part_01", recipe="smoke", quiet=True, out=tmp_path / "run", overrides=SHORT)
+    row = json.loads((tmp_path / "run" / "result.json").read_text())
+    (tmp_path / "run" / "result.json").write_text(json.dumps(row | {"status": "empty_mesh"}))
+    again = jointsdf.fit("part_01", recipe="smoke", quiet=True, out=tmp_path / "run", overrides=SHORT)
+    assert again.mesh.is_empty
+    assert torch.equal(again.field.trunk.output.weight, flat.field.trunk.output.weight)

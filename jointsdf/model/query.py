@@ -158,7 +158,7 @@ def _to_tensor(given: Any) -> Tensor:
     else:
         try:
             array = np.asarray(given, dtype=None if isinstance(given, ndarray) else np.float64)
-            points = torch.from_numpy(array)
+            points = torch.from_numpy(array.astype(array.dtype.newbyteorder("="), order="C"))  # any strides, a copy
         except (TypeError, ValueError) as error:
             raise InputError(f"points: {first_line(error)}; give numbers in shape (n, 3)") from error
     if points.is_complex() or points.dtype == torch.bool:

@@ -12,6 +12,7 @@ from numpy import ndarray
 
 from jointsdf.errors import InputError
 from jointsdf.shapes.labels.providers import PROVIDERS, UnlabelledShape, provide
+from jointsdf.shapes.loading import LabelRequest
 from jointsdf.shapes.readers.mesh_file import FileMesh, check_mesh
 from jointsdf.shapes.repair import repair_mesh
 from jointsdf.values import UNLABELLED, LabelledMesh, Shape
@@ -47,16 +48,17 @@ def from_arrays(
     solid = repair_mesh(called, points, triangles)
     mesh = LabelledMesh(solid.vertices, solid.faces, np.full(len(solid.faces), UNLABELLED))
     if isinstance(labels, str):
+        request = LabelRequest(labels, num_parts, partfield_dir, needed=False)
         unlabelled = UnlabelledShape(
             called,
             FileMesh(points, triangles, False, digest),
             mesh,
             solid.source_faces,
-            num_parts=num_parts,
-            partfield_dir=partfield_dir,
-            needed=False,
+            num_parts=request.num_parts,
+            partfield_dir=request.partfield_dir,
+            needed=request.needed,
         )
-        found, provider = provide(labels, unlabelled)
+        found, provider = provide(request.labels, unlabelled)
     else:
         found, provider = _check_labels(labels, len(triangles))[solid.source_faces], "array"
     dropped = len(triangles) - len(solid.faces)

@@ -131,7 +131,6 @@ def _write(path: Path, machine: Mapping[str, Any], products: Products, trials: M
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, json.dumps(content, indent=1) + "\n")
     except OSError as error:
         log.warning("%s cannot be written (%s): the next fit measures its matrix products again", path, error.strerror)

@@ -157,3 +157,17 @@ def test_whole_numbers_are_points(small_field: BuildField) -> None:
     exact = field.query(np.array([[5.0, -3.0, 11.0]]))
     for given in (np.array([[5, -3, 11]]), [[5, -3, 11]], torch.tensor([[5, -3, 11]])):
         np.testing.assert_array_equal(np.asarray(field.query(given).sdf), exact.sdf)
+
+
+@pytest.mark.parametrize("kind", ["reversed", "read only", "big endian", "Fortran order"])
+def test_arrays_of_any_layout_are_points(small_field: Callable[..., JointField], kind: str) -> None:
+    field = small_field("siren").eval()
+    points = np.array([[5.0, -3.0, 11.0], [7.0, -1.0, 9.0], [1.0, 2.0, 3.0]])
+    given = {
+        "reversed": points[::-1].copy()[::-1],
+        "read only": points.copy(),
+        "big endian": points.astype(">f8"),
+        "Fortran order": np.asfortranarray(points),
+    }[kind]
+    given.flags.writeable = kind != "read only"
+    np.testing.assert_array_equal(field.query(given).sdf, field.query(points).sdf)
