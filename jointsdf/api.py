@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from hydra import compose, initialize_config_module
 from hydra.errors import HydraException
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from jointsdf import shapes
@@ -90,20 +90,17 @@ def load_shape(
     """
     if (source is None) == (vertices is None):
         raise InputError("load_shape: give a name or a path, or else vertices= and faces=")
-    folder = None if partfield_dir is None else Path(partfield_dir).expanduser()
     if source is None:
         if faces is None:
             raise InputError("load_shape: vertices= without faces=; give the triangles' vertex indices, shape (f, 3)")
-        return from_arrays(vertices, faces, labels=labels, num_parts=num_parts, partfield_dir=folder, name=name)
+        return from_arrays(vertices, faces, labels=labels, num_parts=num_parts, partfield_dir=partfield_dir, name=name)
     if not isinstance(labels, str | Path):
-        raise InputError(
-            "load_shape: labels= of a name or a path is a provider or a label file; arrays go with vertices="
-        )
+        raise InputError("load_shape: labels= of a path is a provider or a label file; arrays go with vertices=")
     return shapes.load(
         str(source),
         labels=str(labels),
         num_parts=num_parts,
-        partfield_dir=folder,
+        partfield_dir=partfield_dir,
         abc_root=abc_root or os.environ.get("JOINTSDF_ABC", "data/abc"),
         abc_missing="error",
         segmented=False,
@@ -143,10 +140,8 @@ def fit(
     cfg = _compose(recipe, head, seed, overrides)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory()) if out is None else out).expanduser().absolute()
-        given = shape.name if isinstance(shape, Shape) else str(shape)
-        OmegaConf.update(cfg, "shape", given)
-        OmegaConf.update(cfg, "paths.outputs", str(folder))
-        OmegaConf.update(cfg, "paths.abc_missing", "error")
+        cfg.shape = shape.name if isinstance(shape, Shape) else str(shape)
+        cfg.paths.outputs, cfg.paths.abc_missing = str(folder), "error"
         stack.enter_context(log_to_stderr(quiet))
         build.check_config(cfg)
         if cfg.reuse:

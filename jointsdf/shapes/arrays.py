@@ -24,7 +24,7 @@ def from_arrays(
     *,
     labels: str | Sequence[int] | Int[ndarray, " f"] = "auto",
     num_parts: int | None = None,
-    partfield_dir: Path | None = None,
+    partfield_dir: str | Path | None = None,
     name: str | None = None,
 ) -> Shape:
     """Make a shape of a triangle mesh, in the frame of its vertices.
@@ -48,7 +48,8 @@ def from_arrays(
     solid = repair_mesh(called, points, triangles)
     mesh = LabelledMesh(solid.vertices, solid.faces, np.full(len(solid.faces), UNLABELLED))
     if isinstance(labels, str):
-        request = LabelRequest(labels, num_parts, partfield_dir, needed=False)
+        folder = None if partfield_dir is None else Path(partfield_dir).expanduser()
+        request = LabelRequest(labels, num_parts, folder, needed=False)
         unlabelled = UnlabelledShape(
             called,
             FileMesh(points, triangles, False, digest),
