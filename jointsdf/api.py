@@ -129,8 +129,7 @@ def fit(
         seed: Seed of initialisation and samples.
         out: A folder for the run's files, which is made; the same call resumes a stopped run, and returns a finished
             one. None: no file is left.
-        overrides: More values as on the command line, e.g. `["trainer.max_steps=800", "extraction.resolution=384"]`;
-            those of the labels (`labels`, `num_parts`, ...) count for a shape by name or path.
+        overrides: More values as on the command line, e.g. `["trainer.max_steps=800", "extraction.resolution=384"]`.
         quiet: Whether to show neither log lines nor a progress bar.
 
     Raises:
