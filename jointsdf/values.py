@@ -49,6 +49,24 @@ UNMOVED = Normalisation(np.zeros(3), 1.0)  # the file frame itself
 
 
 @dataclass(frozen=True)
+class Unit:
+    """A length unit of the file frame.
+
+    Attributes:
+        name: Symbol, e.g. `mm`.
+        metres: Metres per unit.
+        known: Whether the file or the user says it; otherwise it is the assumed millimetre.
+    """
+
+    name: str
+    metres: float
+    known: bool = True
+
+
+ASSUMED_UNIT = Unit("mm", 1e-3, known=False)  # what CAD programs write into files that name no unit
+
+
+@dataclass(frozen=True)
 class LabelledMesh:
     """A triangle mesh with one part label per face. Never modified in place.
 
@@ -84,6 +102,8 @@ class Shape:
         mesh_sha256: Hash of the mesh file's bytes (of the generated arrays for a built-in part).
         label_provider: Source of the labels, e.g. `file:labels.npy`, `brep`, `geometric:k=7`, `builtin`, `none`.
         watertight: Whether every edge has exactly two faces; if not, signs come from the winding number.
+        folded: Whether closed faces overlap or fold over, so that signs come from the winding number all the same.
+        unit: Of the file frame.
         flipped: Number of the file's faces whose orientation was reversed.
         dropped: Number of the file's faces left out: repeated, or without area.
     """
@@ -93,6 +113,8 @@ class Shape:
     mesh_sha256: str
     label_provider: str
     watertight: bool
+    folded: bool = False
+    unit: Unit = ASSUMED_UNIT
     flipped: int = 0
     dropped: int = 0
 

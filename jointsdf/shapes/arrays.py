@@ -13,7 +13,7 @@ from numpy import ndarray
 from jointsdf.errors import InputError
 from jointsdf.shapes.labels.providers import PROVIDERS, UnlabelledShape, provide
 from jointsdf.shapes.loading import LabelRequest
-from jointsdf.shapes.readers.mesh_file import FileMesh, check_mesh
+from jointsdf.shapes.readers.file_mesh import FileMesh, check_mesh
 from jointsdf.shapes.repair import repair_mesh
 from jointsdf.values import UNLABELLED, LabelledMesh, Shape
 
@@ -52,7 +52,7 @@ def from_arrays(
         request = LabelRequest(labels, num_parts, folder, needed=False)
         unlabelled = UnlabelledShape(
             called,
-            FileMesh(points, triangles, False, digest),
+            FileMesh(points, triangles, digest),
             mesh,
             solid.source_faces,
             num_parts=request.num_parts,

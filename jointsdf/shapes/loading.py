@@ -15,7 +15,7 @@ from jointsdf.shapes.labels.providers import UnlabelledShape, benchmark, provide
 from jointsdf.shapes.naming import FALLBACK, name_of_file, shape_names
 from jointsdf.shapes.readers import step
 from jointsdf.shapes.readers.abc_features import find_features_file
-from jointsdf.shapes.readers.mesh_file import FileMesh
+from jointsdf.shapes.readers.file_mesh import FileMesh
 from jointsdf.shapes.readers.triangles import read_triangles
 from jointsdf.shapes.repair import repair_mesh
 from jointsdf.values import UNLABELLED, LabelledMesh, Shape
@@ -122,7 +122,7 @@ def _load_builtin(name: str, request: LabelRequest) -> Shape:
         raise InputError(f"labels=brep is for mesh files: the built-in {name} has its own labels, labels=auto")
     subject = UnlabelledShape(
         name,
-        FileMesh(mesh.vertices, mesh.faces, False, digest),
+        FileMesh(mesh.vertices, mesh.faces, digest),
         mesh,
         np.arange(len(mesh.faces)),
         known_as=(name,),

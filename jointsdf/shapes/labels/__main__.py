@@ -16,7 +16,7 @@ from jointsdf.cli_logging import program_name
 from jointsdf.errors import InputError
 from jointsdf.shapes.labels import partfield
 from jointsdf.shapes.labels.files import number_by_area
-from jointsdf.shapes.readers.mesh_file import FileMesh
+from jointsdf.shapes.readers.file_mesh import FileMesh
 from jointsdf.shapes.readers.triangles import read_triangles
 from jointsdf.values import LabelledMesh
 

@@ -17,7 +17,8 @@ from jointsdf.shapes.labels import partfield
 from jointsdf.shapes.labels.face_matching import match_faces
 from jointsdf.shapes.labels.files import number_by_area, read_labels
 from jointsdf.shapes.readers import abc_features
-from jointsdf.shapes.readers.mesh_file import FileMesh, read_labelled_ply
+from jointsdf.shapes.readers.file_mesh import FileMesh
+from jointsdf.shapes.readers.mesh_file import read_labelled_ply
 from jointsdf.shapes.segmentation.hierarchy import build_hierarchy
 from jointsdf.values import UNLABELLED, LabelledMesh
 

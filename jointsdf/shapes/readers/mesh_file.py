@@ -6,7 +6,6 @@ It also reads the part labels or colours of a PLY's faces, and the content of a 
 import hashlib
 import io
 import re
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,28 +16,12 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from jointsdf.errors import InputError
+from jointsdf.shapes.readers.file_mesh import FileMesh, check_mesh
 from jointsdf.values import UNLABELLED
 
 FORMATS = ("ply", "obj", "stl", "off", "glb", "step", "stp")
 OFF_HEADER = 4096  # bytes within which an OFF file declares its sizes
 STL_HEADER, STL_FACE = 84, 50  # bytes of a binary STL file: up to and with the number of faces, and of each face
-
-
-@dataclass(frozen=True)
-class FileMesh:
-    """Triangles of one mesh file, in the file's frame and order.
-
-    Attributes:
-        vertices: Positions, all finite.
-        faces: Vertex indices, all in range.
-        has_polygons: Whether the file's faces were cut into triangles, so that labels per file face do not fit.
-        sha256: Of the file's bytes.
-    """
-
-    vertices: Float[ndarray, "v 3"]
-    faces: Int[ndarray, "f 3"]
-    has_polygons: bool
-    sha256: str
 
 
 def read_mesh(path: Path) -> FileMesh:
@@ -56,28 +39,8 @@ def read_mesh(path: Path) -> FileMesh:
     if declared is not None and declared > len(faces):
         raise InputError(f"{path} is truncated: it declares {declared} faces and holds {len(faces)}; export it again")
     check_mesh(str(path), vertices, faces)
-    has_polygons = declared is not None and declared < len(faces)
-    return FileMesh(vertices, faces, has_polygons, hashlib.sha256(data).hexdigest())
-
-
-def check_mesh(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> None:
-    """Refuse a mesh without faces, with a coordinate that is not finite, or with a vertex index out of range.
-
-    Args:
-        source: Names the mesh in messages.
-        vertices: Positions.
-        faces: Vertex indices.
-
-    Raises:
-        InputError: It is one of these.
-    """
-    if len(faces) == 0:
-        raise InputError(f"{source} has no faces: a triangle mesh is needed, not points or curves")
-    if not np.isfinite(vertices).all():
-        bad = int((~np.isfinite(vertices).all(axis=1)).sum())
-        raise InputError(f"{source} has NaN or infinite coordinates in {bad} vertices: repair or export it again")
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise InputError(f"{source} has a face that uses a vertex out of range 0..{len(vertices) - 1}: export it again")
+    polygons = np.arange(len(faces)) if declared is not None and declared < len(faces) else None
+    return FileMesh(vertices, faces, hashlib.sha256(data).hexdigest(), polygons)
 
 
 def read_labelled_ply(path: Path) -> tuple[FileMesh, Int[ndarray, " f"], bool]:

@@ -7,11 +7,12 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from jointsdf.shapes.readers import mesh_file, step
+from jointsdf.shapes.readers.file_mesh import FileMesh
 
 
 def read_triangles(
     path: Path, tessellation: step.Tessellation = step.DEFAULT
-) -> tuple[mesh_file.FileMesh, Int[ndarray, " f"] | None]:
+) -> tuple[FileMesh, Int[ndarray, " f"] | None]:
     """Read the triangles of a mesh or STEP file, in the order that its label files follow.
 
     Args:
@@ -28,4 +29,4 @@ def read_triangles(
         return mesh_file.read_mesh(path), None
     data = mesh_file.read_content(path)
     mesh = step.read_step(path, data, tessellation)
-    return mesh_file.FileMesh(mesh.vertices, mesh.faces, False, hashlib.sha256(data).hexdigest()), mesh.patches
+    return FileMesh(mesh.vertices, mesh.faces, hashlib.sha256(data).hexdigest()), mesh.patches
