@@ -34,16 +34,16 @@ class FileMesh:
     Attributes:
         vertices: Positions, all finite.
         faces: Vertex indices, all in range.
-        sha256: Of the file's bytes.
-        polygons: The file's own face that each triangle is of, ascending, where faces were cut into triangles; else
-            None.
+        sha256: Of the file's bytes; "" from the reader of a format, which does not know what the bytes came from.
+        polygons: The file's own face that each triangle is of, ascending from 0 without gaps, where faces were cut into
+            triangles; else None.
         columns: Columns of the triangles by name.
         unit: Length unit that the file declares; None where it declares none.
     """
 
     vertices: Float[ndarray, "v 3"]
     faces: Int[ndarray, "f 3"]
-    sha256: str
+    sha256: str = ""
     polygons: Int[ndarray, " f"] | None = None
     columns: Mapping[str, FaceColumn] = field(default_factory=dict)
     unit: Unit | None = None
