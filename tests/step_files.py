@@ -20,8 +20,8 @@ TOUCHING = [*ONE, ((1, 0, 0), (4, 2, 3))]
 Boxes = list[tuple[tuple[float, ...], tuple[float, ...]]]
 
 
-def step_boxes(boxes: Boxes, unit: tuple[str, ...] = MILLIMETRE, *, painted: int | None = None) -> str:
-    """A STEP file of boxes, given by two corners each; one side of the first may be painted."""
+def step_boxes(boxes: Boxes, unit: tuple[str, ...] = MILLIMETRE, *, painted: int | list[int] | None = None) -> str:
+    """A STEP file of boxes, given by two corners each; one side of the first, or several, may be painted."""
     records: list[str] = []
 
     def add(record: str, *parts: str | list[str] | np.ndarray) -> str:
@@ -52,8 +52,10 @@ def step_boxes(boxes: Boxes, unit: tuple[str, ...] = MILLIMETRE, *, painted: int
         paint = add("FILL_AREA_STYLE_COLOUR('',{})", add("COLOUR_RGB('',1.,0.,0.)"))
         paint = add("SURFACE_STYLE_FILL_AREA({})", add("FILL_AREA_STYLE('',{})", [paint]))
         paint = add("SURFACE_STYLE_USAGE(.BOTH.,{})", add("SURFACE_SIDE_STYLE('',{})", [paint]))
-        paint = add("STYLED_ITEM('',{},{})", [add("PRESENTATION_STYLE_ASSIGNMENT({})", [paint])], faces[painted])
-        add("MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',{},{})", [paint], context)
+        paint = add("PRESENTATION_STYLE_ASSIGNMENT({})", [paint])
+        sides = [painted] if isinstance(painted, int) else painted
+        items = [add("STYLED_ITEM('',{},{})", [paint], faces[side]) for side in sides]
+        add("MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',{},{})", items, context)
     solids = add("FACETED_BREP_SHAPE_REPRESENTATION('',{},{})", bodies, context)
     use = add("APPLICATION_CONTEXT('')")
     thing = add("PRODUCT('','','',{})", [add("PRODUCT_CONTEXT('',{},'')", use)])

@@ -1,6 +1,7 @@
 """Triangles of any file that can be a shape: a mesh or STEP file."""
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 from jaxtyping import Int
@@ -29,4 +30,4 @@ def read_triangles(
         return mesh_file.read_mesh(path), None
     data = mesh_file.read_content(path)
     mesh = step.read_step(path, data, tessellation)
-    return FileMesh(mesh.vertices, mesh.faces, hashlib.sha256(data).hexdigest()), mesh.patches
+    return replace(mesh.file_mesh, sha256=hashlib.sha256(data).hexdigest()), mesh.patches

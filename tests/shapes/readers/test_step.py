@@ -2,7 +2,6 @@ import hashlib
 import importlib.util
 import logging
 import os
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,8 @@ def solid(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
 @pytest.mark.parametrize(("unit", "metres"), [(MILLIMETRE, 1e-3), (METRE, 1.0), (INCH, 0.0254)])
 def test_box_keeps_the_units_of_its_file(unit: tuple[str, ...], metres: float) -> None:
     mesh = step.read_step(Path("box.step"), step_boxes([((5, 6, 7), (6, 8, 10))], unit).encode())
-    assert mesh.unit == pytest.approx(metres, rel=1e-12)
+    assert mesh.unit is not None
+    assert mesh.unit.metres == pytest.approx(metres, rel=1e-12)
     np.testing.assert_allclose(np.unique(mesh.vertices[:, 2].round(5)), [7, 10])
     assert len(mesh.vertices) == 8
     assert solid(mesh.vertices, mesh.faces).is_watertight
@@ -54,6 +54,39 @@ def test_a_painted_side_keeps_its_place_and_its_id() -> None:
     plain, painted = (step.read_step(Path("x.step"), step_boxes(ONE, painted=side).encode()) for side in (None, 3))
     np.testing.assert_array_equal(plain.vertices[plain.faces], painted.vertices[painted.faces])
     assert painted.patches.tolist() == plain.patches.tolist()
+
+
+@NEEDS_READER
+def test_columns_name_face_body_and_colour() -> None:
+    one, two, coloured = (
+        step.read_step(Path("x.step"), step_boxes(boxes, painted=side).encode()).file_mesh
+        for boxes, side in ((ONE, None), (TOUCHING, None), (TOUCHING, 3))
+    )
+    assert sorted(one.columns) == ["body", "face"]
+    assert one.columns["face"].values.tolist() == np.repeat(np.arange(6), 2).tolist()
+    assert set(one.columns["body"].values) == {0}
+    assert two.columns["body"].values.tolist() == [0] * 12 + [1] * 12
+    assert coloured.columns["body"].values.tolist() == [0] * 12 + [1] * 12
+    assert coloured.columns["colour"].values.tolist() == [0] * 6 + [1] * 2 + [0] * 16
+    assert [coloured.columns[name].are_ids for name in ("face", "body", "colour")] == [True, False, False]
+
+
+@NEEDS_READER
+def test_touching_bodies_in_two_colours_keep_them_at_the_wall_they_share() -> None:
+    mesh = step.read_step(Path("x.step"), step_boxes(TOUCHING, painted=[*range(6)]).encode())
+    assert mesh.colours is not None
+    assert mesh.colours.tolist() == [0] * 12 + [1] * 12
+
+
+@NEEDS_READER
+@pytest.mark.parametrize(("offset", "told"), [(1e3, False), (4e6, True)])
+def test_coordinates_coarser_than_the_part_are_told(
+    offset: float, told: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    corner = np.full(3, offset)
+    mesh = step.read_step(Path("x.step"), step_boxes([(tuple(corner), tuple(corner + 50))]).encode())
+    assert np.abs(mesh.vertices.max(axis=0) - offset - 50).max() <= np.spacing(np.float32(offset))
+    assert ("in steps of 0.24 mm; move it to the origin" in caplog.text) == told
 
 
 @NEEDS_READER
@@ -110,15 +143,6 @@ def test_lost_records_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture)
     assert not shape.watertight
 
 
-@NEEDS_READER
-def test_a_crash_of_the_reader_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    crash = put(tmp_path, "crash", "#!/bin/sh\ncat > /dev/null\nkill -SEGV $$\n")
-    crash.chmod(0o755)
-    monkeypatch.setattr(sys, "executable", str(crash))
-    with pytest.raises(InputError, match=r"a.step is damaged: the STEP reader crashed on it \(signal 11\)"):
-        step.read_step(Path("a.step"), BOX)
-
-
 def test_without_the_reader_the_line_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     with pytest.raises(InputError, match=r"pip install 'jointsdf\[step\]'"):
@@ -130,66 +154,6 @@ def test_tolerances_are_checked(tmp_path: Path, options: dict[str, float]) -> No
     name, value = next(iter(options.items()))
     with pytest.raises(InputError, match=f"tessellation.{name.removeprefix('step_')}={value}: give a number, from"):
         load(put(tmp_path, "a.step", BOX), **options)
-
-
-UNIT_RECORDS = {
-    "#1=(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.CENTI.,.METRE.))": 1e-2,
-    "#1=(NAMED_UNIT(*)SI_UNIT( $ , .METRE. )\nLENGTH_UNIT())": 1.0,
-    "#9=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(12.),#8);#8=(CONVERSION_BASED_UNIT('INCH',#7)LENGTH_UNIT());"
-    "#7=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(0.02539999999999999897),#6);#6=(LENGTH_UNIT()SI_UNIT($,.METRE.));"
-    "#1=(CONVERSION_BASED_UNIT('a; #3 ''foot''',#9)LENGTH_UNIT())": 0.3048,
-    "#9=(LENGTH_MEASURE_WITH_UNIT()MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#8));#8=(LENGTH_UNIT()SI_UNIT(.MILLI.,.METRE.));"
-    "/* #1=x; 'y */ #1=(LENGTH_UNIT()CONVERSION_BASED_UNIT('INCH',#9))": 0.0254,
-}  # fmt: skip
-CONTEXT = ";#3=(PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.));#4=(GLOBAL_UNIT_ASSIGNED_CONTEXT((#3,#1)));"
-
-
-@pytest.mark.parametrize(("records", "metres"), UNIT_RECORDS.items())
-def test_length_unit_of_the_file(records: str, metres: float, caplog: pytest.LogCaptureFixture) -> None:
-    assert step.parse_length_unit(Path("a.step"), records + CONTEXT) == pytest.approx(metres, rel=1e-12)
-    assert not caplog.records
-
-
-@pytest.mark.parametrize(
-    "records",
-    [
-        "",
-        "#1=(LENGTH_UNIT()CONVERSION_BASED_UNIT('LOOP',#2));#2=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(2.),#1)",
-        "#1=(LENGTH_UNIT()CONVERSION_BASED_UNIT('NIL',#2));#2=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(0.),#5);"
-        "#5=(LENGTH_UNIT()SI_UNIT($,.METRE.))",
-        "#1=(LENGTH_UNIT()SI_UNIT(.SMALL.,.METRE.))",
-    ],
-)
-def test_no_length_unit_means_millimetres_and_is_said(records: str, caplog: pytest.LogCaptureFixture) -> None:
-    assert step.parse_length_unit(Path("a.step"), records + CONTEXT) == 1e-3
-    assert "no length unit found" in caplog.text
-
-
-def test_of_several_units_the_one_used_most(caplog: pytest.LogCaptureFixture) -> None:
-    units = "#1=(LENGTH_UNIT()SI_UNIT($,.METRE.));#2=(LENGTH_UNIT()SI_UNIT(.MILLI.,.METRE.));"
-    contexts = "".join(f"#{9 + i}=(GLOBAL_UNIT_ASSIGNED_CONTEXT((#{unit})));" for i, unit in enumerate((1, 2, 2)))
-    assert step.parse_length_unit(Path("a.step"), units + contexts) == 1e-3
-    assert "several length units" in caplog.text
-
-
-def test_welding_drops_degenerate_faces_with_their_patches() -> None:
-    box = trimesh.creation.box()
-    vertices, faces = box.vertices[box.faces].reshape(-1, 3), np.arange(36).reshape(-1, 3)
-    vertices, faces = np.vstack([vertices, vertices[:3]]), np.insert(faces, 5, [0, 36, 7], axis=0)
-    patches = np.insert(np.arange(12), 5, 5)
-    welded, triangles, kept = step.weld(np.array(vertices), faces, patches)
-    assert len(welded) == 8
-    assert kept.tolist() == list(range(12))
-    np.testing.assert_array_equal(welded[triangles], box.vertices[box.faces])
-
-
-def test_welding_keeps_bodies_apart_that_coincide() -> None:
-    box = trimesh.creation.box()
-    vertices = np.vstack([box.vertices[box.faces].reshape(-1, 3)] * 3)
-    welded, triangles, _ = step.weld(vertices, np.arange(108).reshape(-1, 3), np.repeat(np.arange(18), 2))
-    assert len(welded) == 24
-    assert solid(welded, triangles).body_count == 3
-    assert solid(welded, triangles).is_watertight
 
 
 def check_surface(kind: str, normals: np.ndarray) -> None:
