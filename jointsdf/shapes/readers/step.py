@@ -16,7 +16,6 @@ from numpy import ndarray
 
 from jointsdf.errors import InputError, require_number
 
-SUFFIXES = (".step", ".stp")
 MILLIMETRE = 1e-3  # metres
 DEEPEST_UNIT = 5  # conversions from a unit to the metre
 PREFIXES = {

@@ -1,12 +1,12 @@
 """Triangles of any file that can be a shape: a mesh or STEP file."""
 
-import hashlib
 from pathlib import Path
 
 from jaxtyping import Int
 from numpy import ndarray
 
 from jointsdf.shapes.readers import mesh_file, step
+from jointsdf.shapes.readers.content import read_content
 from jointsdf.shapes.readers.file_mesh import FileMesh
 
 
@@ -25,8 +25,8 @@ def read_triangles(
     Raises:
         InputError: The file cannot be read.
     """
-    if path.suffix.lower() not in step.SUFFIXES:
-        return mesh_file.read_mesh(path), None
-    data = mesh_file.read_content(path)
-    mesh = step.read_step(path, data, tessellation)
-    return FileMesh(mesh.vertices, mesh.faces, hashlib.sha256(data).hexdigest()), mesh.patches
+    content = read_content(path)
+    if content.format != "step":
+        return mesh_file.parse_mesh(path, content), None
+    mesh = step.read_step(path, content.data, tessellation)
+    return FileMesh(mesh.vertices, mesh.faces, content.sha256), mesh.patches
