@@ -19,7 +19,9 @@ from jointsdf.runs.files import write_atomically
 from jointsdf.shapes.abc import CatalogueEntry
 from jointsdf.shapes.readers import step
 from jointsdf.shapes.readers.abc_features import read_features
-from jointsdf.shapes.readers.mesh_file import read_content, read_mesh
+from jointsdf.shapes.readers.content import read_content
+from jointsdf.shapes.readers.formats import format_of
+from jointsdf.shapes.readers.mesh_file import read_mesh
 from jointsdf.values import UNLABELLED
 
 METRES = (0.001, 0.01, 0.0254, 0.3048, 1.0)  # per mm, cm, inch, foot, metre
@@ -69,7 +71,7 @@ def write_shape(entry: CatalogueEntry, paths: Sequence[Path], folder: Path) -> s
         logger.warning("%s: %s has sides %s, the catalogue says %s: not scaled", entry.name, paths[0], sides, expected)
         factor = 1.0
     surface = replace(surface, vertices=surface.vertices * factor)
-    if paths[0].suffix.lower() == ".stl":
+    if format_of(paths[0]) == "stl":
         surface = _merge_vertices(surface)
     data = binary_ply(surface.vertices.astype("<f4"), surface.faces, {}, "ABC dataset model")
     folder.mkdir(parents=True, exist_ok=True)
@@ -94,8 +96,8 @@ def _summary(surface: Surface, path: Path, factor: float, is_same: bool) -> str:
 def read_surface(paths: Sequence[Path]) -> Surface:
     """Read the files of one model, in the file's units."""
     mesh = paths[0]
-    if mesh.suffix.lower() in step.SUFFIXES:
-        solid = step.read_step(mesh, read_content(mesh))
+    if format_of(mesh) == "step":
+        solid = step.read_step(mesh, read_content(mesh).data)
         return Surface(solid.vertices, solid.faces, solid.patches)
     found = read_mesh(mesh)
     if len(paths) == 1:

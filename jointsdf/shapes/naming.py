@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 from jointsdf.shapes import abc, builtin
+from jointsdf.shapes.readers.formats import stem_of
 
 FALLBACK = "part_01"  # in place of an ABC mesh that is not on this machine
 LONGEST_STEM = 100  # characters
@@ -50,4 +51,4 @@ def name_of_file(path: Path, sha256: str) -> str:
 
 
 def _safe_stem(path: Path) -> str:
-    return re.sub(r"[^A-Za-z0-9._-]", "_", path.stem).lstrip(".")[:LONGEST_STEM] or "mesh"
+    return re.sub(r"[^A-Za-z0-9._-]", "_", stem_of(path)).lstrip(".")[:LONGEST_STEM] or "mesh"

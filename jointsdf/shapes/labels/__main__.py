@@ -17,6 +17,7 @@ from jointsdf.errors import InputError
 from jointsdf.shapes.labels import partfield
 from jointsdf.shapes.labels.files import number_by_area
 from jointsdf.shapes.readers.file_mesh import FileMesh
+from jointsdf.shapes.readers.formats import stem_of
 from jointsdf.shapes.readers.triangles import read_triangles
 from jointsdf.values import LabelledMesh
 
@@ -83,7 +84,7 @@ def import_partfield(path: Path, results: Path, mesh: FileMesh, num_parts: int |
     names = partfield.possible_names(path, mesh.sha256)[-1:]
     labels, count = partfield.read_parts(results, names, mesh.vertices[mesh.faces], num_parts)
     labels_path, painted_path = (
-        path.with_name(f"{path.stem}_partfield_{count:02d}{kind}") for kind in (".npy", ".ply")
+        path.with_name(f"{stem_of(path)}_partfield_{count:02d}{kind}") for kind in (".npy", ".ply")
     )
     np.save(labels_path, number_by_area(LabelledMesh(mesh.vertices, mesh.faces, labels)))
     clusters = partfield.find_output(results, names).clusters.get(count)

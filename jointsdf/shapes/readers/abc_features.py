@@ -22,7 +22,7 @@ from jointsdf.values import UNLABELLED
 SUFFIXES = (".yml", ".yaml")
 DEEPEST = 20  # levels of nesting; the files have six
 MOST_DIGITS = 18  # of an index: they fit 64 bits
-ABC_OBJ = re.compile(r"(\d{8}_[0-9a-f]{24})_trimesh_(\d+)\.obj", re.IGNORECASE)
+ABC_OBJ = re.compile(r"(\d{8}_[0-9a-f]{24})_trimesh_(\d+)\.obj(\.gz)?", re.IGNORECASE)
 
 logger = logging.getLogger(__name__)
 

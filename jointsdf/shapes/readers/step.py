@@ -17,7 +17,6 @@ from jointsdf.shapes.readers.step_units import read_length_units
 from jointsdf.shapes.units import unit_of_metres
 from jointsdf.values import Unit
 
-SUFFIXES = (".step", ".stp")
 COARSE = 1e-5  # of the longest side: spacing of the kernel's float32 coordinates from which a warning is given
 
 logger = logging.getLogger(__name__)

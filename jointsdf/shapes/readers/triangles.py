@@ -1,6 +1,5 @@
 """Triangles of any file that can be a shape: a mesh or STEP file."""
 
-import hashlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +7,7 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from jointsdf.shapes.readers import mesh_file, step
+from jointsdf.shapes.readers.content import read_content
 from jointsdf.shapes.readers.file_mesh import FileMesh
 
 
@@ -26,8 +26,8 @@ def read_triangles(
     Raises:
         InputError: The file cannot be read.
     """
-    if path.suffix.lower() not in step.SUFFIXES:
-        return mesh_file.read_mesh(path), None
-    data = mesh_file.read_content(path)
-    mesh = step.read_step(path, data, tessellation)
-    return replace(mesh.file_mesh, sha256=hashlib.sha256(data).hexdigest()), mesh.patches
+    content = read_content(path)
+    if content.format != "step":
+        return mesh_file.parse_mesh(path, content), None
+    mesh = step.read_step(path, content.data, tessellation)
+    return replace(mesh.file_mesh, sha256=content.sha256), mesh.patches
