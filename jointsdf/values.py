@@ -102,10 +102,10 @@ class Shape:
         mesh_sha256: Hash of the mesh file's bytes (of the generated arrays for a built-in part).
         label_provider: Source of the labels, e.g. `file:labels.npy`, `brep`, `geometric:k=7`, `builtin`, `none`.
         watertight: Whether every edge has exactly two faces; if not, signs come from the winding number.
-        folded: Whether closed faces overlap or fold over, so that signs come from the winding number all the same.
-        unit: Of the file frame.
         flipped: Number of the file's faces whose orientation was reversed.
         dropped: Number of the file's faces left out: repeated, or without area.
+        folded: Whether closed faces overlap or fold over, so that signs come from the winding number all the same.
+        unit: Of the file frame.
     """
 
     name: str
@@ -113,10 +113,10 @@ class Shape:
     mesh_sha256: str
     label_provider: str
     watertight: bool
-    folded: bool = False
-    unit: Unit = ASSUMED_UNIT
     flipped: int = 0
     dropped: int = 0
+    folded: bool = False
+    unit: Unit = ASSUMED_UNIT
 
     @property
     def labels_sha256(self) -> str:

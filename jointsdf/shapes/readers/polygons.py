@@ -48,7 +48,9 @@ def triangulate(
 def _warn_of_crossings(source: str, simple: Bool[ndarray, " k"], count: int) -> None:
     """Warn of polygons that cross themselves."""
     if crossing := int((~simple).sum()):
-        logger.warning("%s: %d of %d polygons cross themselves: where their inside is, is a guess", source, crossing, count)
+        logger.warning(
+            "%s: %d of %d polygons cross themselves: where their inside is, is a guess", source, crossing, count
+        )
 
 
 def _measure(

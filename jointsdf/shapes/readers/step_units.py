@@ -1,4 +1,4 @@
-"""Length units of a STEP file (ISO 10303-41), read from its records and rewritten so that the CAD kernel reads them too.
+"""Length units of a STEP file (ISO 10303-41), read from its records and rewritten so that the CAD kernel reads them.
 
 OpenCASCADE takes millimetres, without a word, for a unit in terms of another conversion or of a measure in a complex
 record, and crashes on a complex record whose parts are not in the order of the alphabet. It is handed the same size in

@@ -47,7 +47,7 @@ def main(tolerance: float, angle: float) -> None:
         np.savez(output, **arrays)
 
 
-def _tessellate(data: bytes, distance: float, angle: float, **options: bool) -> trimesh.Scene:
+def _tessellate(data: bytes, distance: float, angle: float, **options: Any) -> trimesh.Scene:
     """Run the kernel; an empty scene where it cannot read the file, which it answers by no bytes.
 
     Args:
@@ -101,7 +101,7 @@ def _collect_arrays(scene: trimesh.Scene) -> dict[str, Any]:
 
 def _find_colours(scene: trimesh.Scene, arrays: dict[str, Any]) -> np.ndarray:
     """Find the colour of each face: that of most triangles of its patch, matched by their positions."""
-    colours = {}
+    colours: dict[Any, Any] = {}
     for mesh, vertices, faces in _place_meshes(scene):
         colours |= dict.fromkeys(_triangle_keys(vertices, faces), _colour(mesh))
     found = np.array([colours.get(key, UNPAINTED) for key in _triangle_keys(arrays["vertices"], arrays["faces"])])

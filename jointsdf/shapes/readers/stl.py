@@ -1,8 +1,8 @@
 """Reader of STL files, text and binary.
 
 Source: M. Burns, "Automated Fabrication", 1993, section 6.5; colours as VisCAM, SolidView and Materialise Magics store
-them. trimesh's reader is not used: of text it takes `vertex` in a name for a vertex, leaves out solids without an end and
-what follows a number with a comma, and it refuses binary files with a byte too many.
+them. trimesh's reader is not used: of text it takes `vertex` in a name for a vertex, leaves out solids without an end
+and what follows a number with a comma, and it refuses binary files with a byte too many.
 """
 
 import logging
@@ -110,8 +110,8 @@ def _read_text(path: Path, data: bytes) -> FileMesh:
     if not facets.is_ended:
         if not _is_closed(facets.corners):
             raise InputError(
-                f"{path} is truncated: no endsolid follows its {len(facets.corners)} facets, which do not close; export "
-                "it again, or add the line endsolid"
+                f"{path} is truncated: no endsolid follows its {len(facets.corners)} facets, which do not close; "
+                "export it again, or add the line endsolid"
             )
         logger.warning(
             "%s: has no endsolid after its %d facets: further bodies may be missing", path, len(facets.solids)

@@ -1,18 +1,13 @@
 """The CAD kernel in its process: crashes and limits."""
 
-import random
-import re
 import sys
-import time
 from pathlib import Path
 
 import pytest
 from mesh_files import put
-from step_files import NEEDS_READER, ONE, TOUCHING, step_boxes
+from step_files import NEEDS_READER, ONE, step_boxes
 
 from jointsdf.errors import InputError
-from jointsdf.shapes.readers import step_process
-from jointsdf.shapes.readers.step import read_step
 from jointsdf.shapes.readers.step_process import Limits, run_worker
 
 BOX = step_boxes(ONE).encode()
@@ -50,5 +45,5 @@ def test_seconds_grow_with_the_file_up_to_a_limit() -> None:
 
 @NEEDS_READER
 def test_the_memory_limit_holds() -> None:
-    with pytest.raises(InputError, match="^a.step (takes|cannot|is damaged)[^\n]*$"):
+    with pytest.raises(InputError, match=r"^a.step (takes|cannot|is damaged)[^\n]*$"):
         run_worker(Path("a.step"), BOX, 1e-4, 0.1, Limits(memory=100 << 20))
