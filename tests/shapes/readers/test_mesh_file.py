@@ -42,7 +42,7 @@ BAD_MESHES: dict[str, tuple[str, bytes | str, str]] = {
     "glb cut": ("a.glb", exported("glb")[:-50], "cannot be read as glb"),
     "obj cut in a face": ("a.obj", OBJ[:-4], "cannot be read as obj"),
     "obj cut in a vertex": ("a.obj", OBJ[:12], "cannot be read as obj"),
-    "ply without faces": ("a.ply", PLY_HEADER.replace("face 4", "face 0") + TETRA_VERTICES, "is a point cloud: 4 points"),
+    "ply without faces": ("a.ply", PLY_HEADER.replace("face 4", "face 0") + TETRA_VERTICES, "is a point cloud"),
     "off without faces": ("a.off", "OFF\n4 0 0\n" + TETRA_VERTICES, "no faces"),
     "obj without faces": ("a.obj", OBJ[:32], "no faces"),
     "nan in ply": ("a.ply", PLY.replace("0 0 1\n", "0 nan 1\n"), "NaN or infinite coordinates in 1 vertices"),
