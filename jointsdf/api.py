@@ -72,7 +72,8 @@ def load_shape(
     """Load a ground truth with its part labels, in its own units.
 
     Args:
-        source: A catalogue name (`part_01`, `abc_0001`) or the path of a ply, obj, stl, off, glb, step or stp file.
+        source: A catalogue name (`part_01`, `abc_0001`) or the path of a ply, obj, stl, off, glb, gltf, step,
+            stp or p21 file, compressed by gzip (.gz) or not.
         vertices: Positions, shape (v, 3), instead of `source`.
         faces: Vertex indices of triangles, shape (f, 3), with `vertices`.
         labels: `auto` (the shape's own, else geometric segmentation), `geometric`, `brep`, `partfield`, `none`, a label

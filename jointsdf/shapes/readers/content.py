@@ -21,7 +21,7 @@ from jointsdf.shapes.readers.recognition import recognise
 
 LARGEST = 1 << 32  # bytes of a decompressed file
 SMALL, RATIO = 1 << 26, 200  # bytes, and compression beyond which a larger file is no mesh but a "bomb"
-PIECE = 1 << 16  # bytes decompressed at a time
+PIECE = 1 << 12  # bytes decompressed at a time, into a thousand times as many at most
 GZIP_MEMBER = 31  # zlib's window, with gzip's header
 
 

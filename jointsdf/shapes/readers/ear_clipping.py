@@ -49,7 +49,7 @@ def cut_polygons(
     excess = np.where(
         has_area,
         np.add.reduceat(np.abs(area) - area, firsts),
-        np.add.reduceat(of_flat, firsts) / np.maximum(extents, np.finfo(float).tiny) ** 2,
+        np.add.reduceat(of_flat, firsts) / np.maximum(extents**2, np.finfo(float).tiny),
     )
     return cut, excess <= 4 * THIN * sizes
 

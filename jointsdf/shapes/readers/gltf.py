@@ -1,4 +1,4 @@
-"""Reader of GLB files."""
+"""Reader of glTF files: GLB, and gltf with its buffers within it or beside it."""
 
 import io
 from pathlib import Path
@@ -11,19 +11,21 @@ from jointsdf.shapes.readers.file_mesh import FileMesh
 
 
 def read_gltf(path: Path, data: bytes) -> FileMesh:
-    """Read a GLB file: its meshes in their places, joined.
+    """Read a glTF file: its meshes in their places, joined.
 
     Args:
-        path: Names the file in messages.
+        path: Names the file in messages; buffers of a gltf file lie in its folder.
         data: The file's content.
 
     Raises:
         InputError: It cannot be read.
     """
+    kind = "gltf" if data.lstrip().startswith(b"{") else "glb"
     try:
-        scene = trimesh.load_scene(io.BytesIO(data), file_type=path.suffix.lower().lstrip("."), process=False)
+        beside = trimesh.resolvers.FilePathResolver(str(path))  # refuses what lies outside the folder
+        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=beside, process=False)
     except Exception as error:  # on a damaged file a parser may fail in any way
-        raise InputError(f"{path} cannot be read as glb (truncated or damaged?): export it again") from error
+        raise InputError(f"{path} cannot be read as {kind} (truncated or damaged?): export it again") from error
     vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
     for name, geometry in scene.geometry.items():
         if not isinstance(geometry, trimesh.Trimesh):

@@ -16,7 +16,7 @@ from numpy import ndarray
 from jointsdf.errors import InputError
 from jointsdf.shapes.readers.face_columns import COLOUR, are_inside, majority, number_colours, polygon_mesh
 from jointsdf.shapes.readers.file_mesh import FaceColumn, FileMesh, number_names
-from jointsdf.shapes.readers.text_numbers import parse_floats, parse_integers, split_rows
+from jointsdf.shapes.readers.text_numbers import parse_floats, parse_integers, split_rows, warn_unless_ended
 
 HEADER = re.compile(rb"(ST)?(C)?(N)?(4)?(n)?OFF(.*)", re.DOTALL)
 ANY_CASE = re.compile(rb"(ST)?(C)?(N)?(4)?()OFF(.*)", re.DOTALL | re.IGNORECASE)
@@ -43,13 +43,14 @@ def read_off(path: Path, data: bytes) -> FileMesh:
     Raises:
         InputError: It is no OFF file, binary, of four or n dimensions, cut or damaged.
     """
-    rows = split_rows(str(path), data.removeprefix(b"\xef\xbb\xbf"), b"#")
+    rows = split_rows(data.removeprefix(b"\xef\xbb\xbf"), b"#")
     layout = _take_header(path, rows)
     num_vertices, num_faces = _take_counts(path, rows)
     vertices, of_vertices = _parse_vertices(path, rows, num_vertices, layout)
     corners, sizes, of_faces = _parse_faces(path, rows[num_vertices : num_vertices + num_faces], num_faces)
     if (more := len(rows) - num_vertices - num_faces) > 0:
         raise InputError(f"{path} is damaged: {more} lines follow its declared faces; export it again")
+    warn_unless_ended(str(path), data)
     columns = {} if of_faces is None else {COLOUR: FaceColumn(of_faces, are_ids=False)}
     mesh = polygon_mesh(str(path), vertices, corners, sizes, columns)
     if of_vertices is None or of_faces is not None or not are_inside(mesh):

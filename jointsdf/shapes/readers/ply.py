@@ -1,9 +1,9 @@
 """Reader of PLY files (G. Turk, "The PLY Polygon File Format", 1994), text and binary.
 
 Neither library serves. trimesh 5.2 cannot read faces of differing sizes from binary files, and does not tell which
-polygon a triangle is of. plyfile 1.1.5 is under the GPL, makes room for as many rows as a header declares, refuses
-64-bit integers, which trimesh writes, and headers with a letter beyond ASCII, and reads 300,000 triangles in 1.3 s; a
-structured numpy array takes 0.02 s.
+polygon a triangle is of. plyfile 1.1.5, which the tests compare with, is under the GPL, makes room for as many rows as
+a header declares, refuses 64-bit integers, which trimesh writes, and headers with a letter beyond ASCII, and reads
+330,000 binary triangles in 1.3 s (this reader: 0.03 s; 300,000 faces of differing sizes: 1.2 s and 0.25 s).
 """
 
 import re

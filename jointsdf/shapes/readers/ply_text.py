@@ -9,7 +9,7 @@ from numpy import ndarray
 from jointsdf.errors import InputError
 from jointsdf.shapes.readers.ply_header import Element, Header, Property
 from jointsdf.shapes.readers.ply_table import PLURALS, Lists, Table, truncated
-from jointsdf.shapes.readers.text_numbers import parse_floats, parse_integers, split_rows
+from jointsdf.shapes.readers.text_numbers import parse_floats, parse_integers, split_rows, warn_unless_ended
 
 
 def read_text(path: Path, header: Header, data: bytes) -> dict[str, Table]:
@@ -23,7 +23,7 @@ def read_text(path: Path, header: Header, data: bytes) -> dict[str, Table]:
     Raises:
         InputError: A table is cut or damaged, or there is more than the header declares.
     """
-    lines = split_rows(str(path), data[header.size :])
+    lines = split_rows(data[header.size :])
     tables: dict[str, Table] = {}
     at = 0
     for element in header.elements:
@@ -34,6 +34,7 @@ def read_text(path: Path, header: Header, data: bytes) -> dict[str, Table]:
         tables[element.name] = _parse_rows(path, element, rows)
     if at < len(lines):
         raise InputError(f"{path} is damaged: {len(lines) - at} lines follow its declared rows; export it again")
+    warn_unless_ended(str(path), data)
     return tables
 
 

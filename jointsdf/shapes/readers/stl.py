@@ -14,6 +14,7 @@ from jaxtyping import Float, Int, UInt16
 from numpy import ndarray
 
 from jointsdf.errors import InputError
+from jointsdf.geometry.mesh import edge_uses
 from jointsdf.shapes.readers.face_columns import COLOUR
 from jointsdf.shapes.readers.file_mesh import FaceColumn, FileMesh, number_names
 from jointsdf.shapes.readers.precision import warn_of_rounding
@@ -107,15 +108,13 @@ def number_colours(header: bytes, attributes: UInt16[ndarray, " f"]) -> Int[ndar
 def _read_text(path: Path, data: bytes) -> FileMesh:
     """Read a text file; one without an end line is whole if its surface is closed."""
     facets = parse_facets(path, data)
-    if not facets.is_ended:
+    if len(facets.solids) and not facets.is_ended:
         if not _is_closed(facets.corners):
             raise InputError(
                 f"{path} is truncated: no endsolid follows its {len(facets.corners)} facets, which do not close; "
                 "export it again, or add the line endsolid"
             )
-        logger.warning(
-            "%s: has no endsolid after its %d facets: further bodies may be missing", path, len(facets.solids)
-        )
+        logger.warning("%s: no endsolid follows its %d facets: further bodies may be missing", path, len(facets.solids))
     solids = number_names(facets.solids)
     return _mesh(facets.corners, {SOLID: FaceColumn(solids, are_ids=False)} if solids.any() else {})
 
@@ -123,5 +122,4 @@ def _read_text(path: Path, data: bytes) -> FileMesh:
 def _is_closed(corners: Float[ndarray, "f 3 3"]) -> bool:
     """Whether each edge has an even number of faces, by position."""
     points = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
-    ends = np.sort(points[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return bool((np.unique(ends, axis=0, return_counts=True)[1] % 2 == 0).all())
+    return bool((edge_uses(points) % 2 == 0).all())

@@ -15,21 +15,28 @@ PADDING = b"\0 \t\x1a"  # that some programs append to the last line
 logger = logging.getLogger(__name__)
 
 
-def split_rows(source: str, text: bytes, comment: bytes = b"") -> list[list[bytes]]:
-    """Split a text into the words of its lines, without empty lines and padding; warn where the last line does not end.
+def split_rows(text: bytes, comment: bytes = b"") -> list[list[bytes]]:
+    """Split a text into the words of its lines, without empty lines and padding.
 
     Args:
-        source: Names the file in messages.
         text: Lines that end in LF, CR LF or CR.
         comment: What begins a comment, if anything.
     """
-    text = text.rstrip(PADDING)
-    if text and not text.endswith((b"\n", b"\r")):
-        logger.warning(
-            "%s: its last line does not end in a line break: were it cut, a number could lack digits", source
-        )
-    lines = (line.partition(comment)[0] if comment else line for line in re.split(rb"[\r\n]+", text))
+    lines = re.split(rb"[\r\n]+", text.rstrip(PADDING))
+    if comment:
+        lines = [line.partition(comment)[0] for line in lines]
     return [words for line in lines if (words := line.split())]
+
+
+def warn_unless_ended(source: str, text: bytes) -> None:
+    """Warn of a whole text whose last line has no line break: where it was cut in its last number, nothing else shows.
+
+    Args:
+        source: Names the file in messages.
+        text: The file's content.
+    """
+    if not text.rstrip(PADDING).endswith((b"\n", b"\r")):
+        logger.warning("%s: no line break follows its last number: if the file was cut, it may lack digits", source)
 
 
 def parse_floats(source: str, words: Sequence[bytes]) -> Float[ndarray, " n"]:

@@ -1,5 +1,6 @@
 """Mesh files of every format: whole, cut, damaged, and with labels."""
 
+import gzip
 import hashlib
 from contextlib import suppress
 from dataclasses import replace
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 from mesh_files import BOX, OBJ, OFF, PLY, PLY_HEADER, SIDES, TETRA_VERTICES, exported, load, put, signed_volume
+from step_files import NEEDS_READER, ONE, step_boxes
 
 from jointsdf.errors import InputError
 from jointsdf.shapes.readers import mesh_file
@@ -25,7 +27,8 @@ BAD_MESHES: dict[str, tuple[str, bytes | str, str]] = {
     "empty ply": ("a.ply", "", "is empty"),
     "empty stl": ("a.stl", b"", "is empty"),
     "blank obj": ("a.obj", "\n\n", "is empty"),
-    "unknown format": ("a.igs", "ISO-10303-21;", "holds STEP, which its name does not say: rename it to a.step"),
+    "unknown format": ("a.what", "x", "use one of ply, obj, stl, off, glb"),
+    "another format": ("a.igs", "ISO-10303-21;", "holds STEP, which its name does not say: rename it to a.step"),
     "no format": ("a.", "x", "use one of ply"),
     "words, not a ply": ("a.ply", "hello", "cannot be read as ply"),
     "noise, not an stl": ("a.stl", bytes(range(256)) * 3, "cannot be read as stl"),
@@ -33,16 +36,16 @@ BAD_MESHES: dict[str, tuple[str, bytes | str, str]] = {
     "noise, not a glb": ("a.glb", bytes(range(256)), "cannot be read as glb"),
     "words, not an obj": ("a.obj", "hello world\n", "no faces"),
     "ply cut in its header": ("a.ply", PLY[:80], "cannot be read as ply"),
-    "ply cut in its vertices": ("a.ply", PLY[: len(PLY_HEADER) + 9], "truncated: it declares 4 vertices and holds 1"),
+    "ply cut in its vertices": ("a.ply", PLY[: len(PLY_HEADER) + 9], "declares 4 vertices and holds 1"),
     "ply cut in its faces": ("a.ply", PLY[:-16], "truncated: it declares 4 faces and holds 2"),
     "binary ply cut": ("a.ply", exported("ply")[:-20], "truncated: it declares 12 faces and holds 10"),
     "off cut": ("a.off", OFF[:-8], "truncated: it declares 4 faces and holds 3"),
-    "binary stl cut": ("a.stl", exported("stl")[:-70], "cannot be read as stl"),
+    "binary stl cut": ("a.stl", exported("stl")[:-70], "it declares 12 faces and holds 10"),
     "text stl cut": ("a.stl", exported("stl_ascii")[:900], "truncated: it begins 9 facets and ends 8"),
     "glb cut": ("a.glb", exported("glb")[:-50], "cannot be read as glb"),
     "obj cut in a face": ("a.obj", OBJ[:-4], "cannot be read as obj"),
     "obj cut in a vertex": ("a.obj", OBJ[:12], "cannot be read as obj"),
-    "ply without faces": ("a.ply", PLY_HEADER.replace("face 4", "face 0") + TETRA_VERTICES, "is a point cloud"),
+    "ply without faces": ("a.ply", PLY_HEADER.replace("face 4", "face 0") + TETRA_VERTICES, "4 points without faces"),
     "off without faces": ("a.off", "OFF\n4 0 0\n" + TETRA_VERTICES, "no faces"),
     "obj without faces": ("a.obj", OBJ[:32], "no faces"),
     "nan in ply": ("a.ply", PLY.replace("0 0 1\n", "0 nan 1\n"), "NaN or infinite coordinates in 1 vertices"),
@@ -86,6 +89,29 @@ def test_no_cut_file_is_taken_for_whole(tmp_path: Path, kind: str) -> None:
             assert kind == "obj" or len(load(path).mesh.faces) == len(whole.faces), (
                 "only an OBJ does not tell its length"
             )
+
+
+@pytest.mark.parametrize("kind", ["ply", "obj", "stl", "stl_ascii", "off", "glb"])
+def test_a_compressed_file_is_the_same_mesh_under_its_own_hash(tmp_path: Path, kind: str) -> None:
+    suffix = kind.partition("_")[0]
+    whole = load(put(tmp_path, f"part.{suffix}", exported(kind)))
+    path = put(tmp_path, f"part.{suffix}.GZ", gzip.compress(exported(kind)))
+    shape = load(path)
+    np.testing.assert_array_equal(shape.mesh.vertices, whole.mesh.vertices)
+    np.testing.assert_array_equal(shape.mesh.faces, whole.mesh.faces)
+    assert shape.mesh_sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert shape.name == f"part-{shape.mesh_sha256[:6]}"
+
+
+@NEEDS_READER
+@pytest.mark.parametrize("name", ["a.p21", "a.STP", "a.step.gz", "a.stp.GZ", "a.P21.gz"])
+def test_step_under_any_of_its_names(tmp_path: Path, name: str) -> None:
+    data = step_boxes(ONE).encode()
+    shape = load(put(tmp_path, name, gzip.compress(data) if name.lower().endswith("gz") else data), labels="brep")
+    assert signed_volume(shape) == pytest.approx(6)
+    assert shape.mesh.part_ids.tolist() == list(range(6))
+    with pytest.raises(InputError, match="is no mesh but a STEP file: give one of ply, obj"):
+        mesh_file.read_mesh(tmp_path / name)
 
 
 def test_missing_paths_and_folders(tmp_path: Path) -> None:
