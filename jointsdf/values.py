@@ -104,7 +104,6 @@ class Shape:
         watertight: Whether every edge has exactly two faces; if not, signs come from the winding number.
         flipped: Number of the file's faces whose orientation was reversed.
         dropped: Number of the file's faces left out: repeated, or without area.
-        folded: Whether closed faces overlap or fold over, so that signs come from the winding number all the same.
         unit: Of the file frame.
     """
 
@@ -115,7 +114,6 @@ class Shape:
     watertight: bool
     flipped: int = 0
     dropped: int = 0
-    folded: bool = False
     unit: Unit = ASSUMED_UNIT
 
     @property

@@ -50,6 +50,18 @@ def edge_keys(faces: Int[ndarray, "f 3"], vertices: int) -> Int[ndarray, " e"]:
     return np.minimum(faces, following).reshape(-1) * vertices + np.maximum(faces, following).reshape(-1)
 
 
+def edge_uses(faces: Int[ndarray, "f 3"]) -> Int[ndarray, " e"]:
+    """Number of faces at each edge.
+
+    Args:
+        faces: Vertex indices, 64 bits.
+
+    >>> edge_uses(np.array([[0, 1, 2], [2, 1, 3]])).tolist()
+    [1, 1, 2, 1, 1]
+    """
+    return np.unique(edge_keys(faces, int(faces.max(initial=-1)) + 1), return_counts=True)[1]
+
+
 def border_edges(mesh: LabelledMesh) -> Int[ndarray, "e 2"]:
     """Vertex pairs of the edges whose faces differ in label, each once; unlabelled faces are ignored.
 

@@ -18,7 +18,7 @@ from jointsdf.shapes.readers.abc_features import find_features_file
 from jointsdf.shapes.readers.file_mesh import FileMesh
 from jointsdf.shapes.readers.triangles import read_triangles
 from jointsdf.shapes.repair import repair_mesh
-from jointsdf.values import UNLABELLED, LabelledMesh, Shape
+from jointsdf.values import ASSUMED_UNIT, UNLABELLED, LabelledMesh, Shape
 
 ABC_MISSING = ("fallback", "error")
 SUGGESTIONS = 4  # near names in the message about an unknown one
@@ -66,7 +66,8 @@ def load(
     """Load one shape with its part labels, in the file frame, with original label ids.
 
     Args:
-        shape: A catalogue name (`part_01`, `abc_0001`) or the path of a ply, obj, stl, off, glb, step or stp file.
+        shape: A catalogue name (`part_01`, `abc_0001`) or the path of a ply, obj, stl, off, glb, gltf, step,
+            stp or p21 file, compressed by gzip (.gz) or not.
         labels: A label file (`.npy`, `.txt`, ABC features, or a PLY with face labels or colours), or a provider:
             `auto` (a built-in part's own, `labels.npy` beside the mesh, else `geometric`), `geometric`, `partfield`,
             `brep` or `none`. The B-rep patches are a STEP file's faces, those of the features file beside an ABC obj,
@@ -178,4 +179,5 @@ def _load_file(
         solid.watertight,
         flipped=solid.flipped,
         dropped=len(found.faces) - len(solid.faces),
+        unit=found.unit or ASSUMED_UNIT,
     )

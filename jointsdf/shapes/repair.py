@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from jointsdf.errors import InputError
+from jointsdf.geometry.mesh import edge_uses
 from jointsdf.geometry.topology import count_components, signed_volume
 
 COARSE, SLOW = 10, 2_000_000  # numbers of faces at most and at least that are warned of
@@ -65,7 +66,7 @@ def _merge(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> tuple
 
     A closed mesh is not merged: where it touches itself, that would open it.
     """
-    closed = (_edge_uses(faces) == 2).all()
+    closed = (edge_uses(faces) == 2).all()
     identity = np.arange(len(vertices)) if closed else _first_at_position(vertices)
     used, merged = np.unique(identity[faces], return_inverse=True)
     return vertices[used], merged.reshape(faces.shape)
@@ -107,7 +108,7 @@ def _find_proper(source: str, vertices: ndarray, faces: ndarray, size: float) ->
 
 def _orient(source: str, vertices: ndarray, faces: ndarray) -> tuple[Int[ndarray, "f 3"], bool]:
     """Wind the faces outward; also whether they close a volume consistently."""
-    uses = _edge_uses(faces)
+    uses = edge_uses(faces)
     if (uses != 2).any():
         counts = f"{(uses != 2).sum()} of {len(uses)} edges do not have exactly two faces"
         logger.warning("%s: not watertight (%s): the sign comes from the winding number", source, counts)
@@ -122,12 +123,6 @@ def _orient(source: str, vertices: ndarray, faces: ndarray) -> tuple[Int[ndarray
         logger.warning("%s: inside out (negative volume): all faces flipped", source)
         faces = faces[:, ::-1].copy()
     return faces, True
-
-
-def _edge_uses(faces: Int[ndarray, "f 3"]) -> Int[ndarray, " e"]:
-    """Number of faces at each edge."""
-    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    return np.unique(ends.min(axis=1) * (int(faces.max()) + 1) + ends.max(axis=1), return_counts=True)[1]
 
 
 def _is_consistent(faces: Int[ndarray, "f 3"]) -> bool:

@@ -1,11 +1,11 @@
 """Reader of OBJ files."""
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from jointsdf.errors import InputError
+from jointsdf.shapes.readers.face_columns import polygon_mesh
 from jointsdf.shapes.readers.file_mesh import FileMesh
 
 
@@ -20,9 +20,8 @@ def read_obj(path: Path, data: bytes) -> FileMesh:
         InputError: A line cannot be read.
     """
     vertices: list[list[float]] = []
-    faces: list[list[int]] = []
-    polygons: list[int] = []
-    count = 0
+    corners: list[int] = []
+    sizes: list[int] = []
     try:
         for line in data.decode("utf-8", errors="replace").splitlines():
             key, *words = line.split() or [""]
@@ -31,13 +30,11 @@ def read_obj(path: Path, data: bytes) -> FileMesh:
                 vertices.append([x, y, z])
             elif key == "f":
                 written = [int(word.split("/")[0]) for word in words]
-                corners = [i - 1 if i > 0 else len(vertices) + i if i < 0 else -1 for i in written]
-                if len(corners) < 3:
-                    raise ValueError(f"a face of {len(corners)} vertices")
-                faces.extend([corners[0], b, c] for b, c in pairwise(corners[1:]))
-                polygons += [count] * (len(corners) - 2)
-                count += 1
+                if len(written) < 3:
+                    raise ValueError(f"a face of {len(written)} vertices")
+                corners += [i - 1 if i > 0 else len(vertices) + i if i < 0 else -1 for i in written]
+                sizes.append(len(written))
     except ValueError as error:
         raise InputError(f"{path} cannot be read as obj (truncated or damaged?): export it again") from error
-    cut = np.array(polygons) if count < len(faces) else None
-    return FileMesh(np.array(vertices).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 3), polygons=cut)
+    positions = np.array(vertices).reshape(-1, 3)
+    return polygon_mesh(str(path), positions, np.array(corners, dtype=np.int64), np.array(sizes, dtype=np.int64), {})

@@ -11,13 +11,12 @@ from numpy import ndarray
 
 from jointsdf.errors import InputError, require_number
 from jointsdf.shapes.readers.file_mesh import FaceColumn, FileMesh, number_names
+from jointsdf.shapes.readers.precision import COARSE
 from jointsdf.shapes.readers.step_bodies import weld
 from jointsdf.shapes.readers.step_process import run_worker
 from jointsdf.shapes.readers.step_units import read_length_units
 from jointsdf.shapes.units import unit_of_metres
 from jointsdf.values import Unit
-
-COARSE = 1e-5  # of the longest side: spacing of the kernel's float32 coordinates from which a warning is given
 
 logger = logging.getLogger(__name__)
 

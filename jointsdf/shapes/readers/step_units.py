@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jointsdf.errors import InputError
+from jointsdf.values import ASSUMED_UNIT
 
-MILLIMETRE = 1e-3  # metres
 DEEPEST_UNIT = 8  # conversions from a unit to the metre
 SMALLEST, LARGEST = 1e-6, 1e3  # metres per unit that the kernel is told; it drops what is below its 1e-7 mm
 PREFIXES = {
@@ -78,12 +78,12 @@ def read_length_units(path: Path, data: bytes) -> LengthUnits:
     found = Counter(size for units_of_one in contexts for key in units_of_one if (size := units[key]))
     if not found:
         logger.warning("%s: no length unit found: taken to be millimetres", path)
-        return LengthUnits(MILLIMETRE, False, MILLIMETRE, data)
+        return LengthUnits(ASSUMED_UNIT.metres, False, ASSUMED_UNIT.metres, data)
     if len(found) > 1:
         sizes = ", ".join(map(str, found))
         logger.warning("%s: several length units (%s m): the one used most is taken", path, sizes)
     metres = found.most_common(1)[0][0]
-    kernel_metres = metres if SMALLEST <= metres <= LARGEST else MILLIMETRE
+    kernel_metres = metres if SMALLEST <= metres <= LARGEST else ASSUMED_UNIT.metres
     factor = kernel_metres / metres
     told = {key: size * factor for key, size in units.items() if size and _must_rewrite(records[key], factor)}
     return LengthUnits(metres, True, kernel_metres, _rewrite(text, records, told).encode("latin-1") if told else data)

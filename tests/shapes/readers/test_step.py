@@ -35,6 +35,13 @@ def test_box_keeps_the_units_of_its_file(unit: tuple[str, ...], metres: float) -
 
 
 @NEEDS_READER
+def test_a_shape_is_in_the_unit_of_its_file(tmp_path: Path) -> None:
+    inches = load(put(tmp_path, "a.step", step_boxes(ONE, INCH))).unit
+    assert (inches.name, inches.metres, inches.known) == ("in", 0.0254, True)
+    assert load("part_01").unit.known is False
+
+
+@NEEDS_READER
 def test_bodies_that_touch_stay_closed_and_keep_their_faces(tmp_path: Path) -> None:
     path = put(tmp_path, "two boxes.STP", step_boxes(TOUCHING))
     shape = load(path, labels="brep", segmented=True)
