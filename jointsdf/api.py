@@ -33,7 +33,7 @@ from jointsdf.model.field import JointField
 from jointsdf.runs.folder import FIELD
 from jointsdf.runs.row import ResultRow
 from jointsdf.shapes.arrays import from_arrays
-from jointsdf.shapes.readers.mesh_file import read_labelled_ply
+from jointsdf.shapes.labels.columns import read_own_labels
 from jointsdf.threads import large_pieces
 from jointsdf.values import Shape
 from jointsdf.viewing.part_mesh import PartMesh
@@ -197,5 +197,5 @@ def _field_and_mesh(outcome: Outcome, folder: Path) -> tuple[JointField, PartMes
         return outcome.field, PartMesh(mesh.vertices, mesh.faces, mesh.labels)
     if outcome.row.status == "empty_mesh":
         return JointField.load(folder / FIELD), PartMesh(np.zeros((0, 3)), np.zeros((0, 3), int), np.zeros(0, int))
-    found, labels, _ = read_labelled_ply(folder / "mesh.ply")
-    return JointField.load(folder / FIELD), PartMesh(found.vertices, found.faces, labels)
+    mesh = read_own_labels(folder / "mesh.ply")
+    return JointField.load(folder / FIELD), PartMesh(mesh.vertices, mesh.faces, mesh.labels)

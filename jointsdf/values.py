@@ -17,6 +17,7 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 UNLABELLED = -1
+MOST_LABEL = 2**31 - 1  # largest part id: mesh.ply stores 32-bit integers
 BOX = 1.1  # half side of the training box in the network frame (paper: samples in [-1.1, 1.1]^3)
 
 

@@ -49,3 +49,19 @@ def put(folder: Path, name: str, content: bytes | str) -> Path:
 def signed_volume(shape: Shape) -> float:
     a, b, c = shape.mesh.vertices[shape.mesh.faces].transpose(1, 0, 2)
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def painted(name: str = "label", values: np.ndarray | None = None, order: np.ndarray | None = None) -> str:
+    """The box as a text PLY with one value per face: a property, or three colours."""
+    order = np.arange(12) if order is None else order
+    values = SIDES if values is None else values
+    names = ("red", "green", "blue") if name == "colour" else (name,)
+    rows = np.column_stack([np.full(12, 3), BOX.faces, values])[order]
+    kind = "float" if values.dtype.kind == "f" else "int"
+    header = ["ply", "format ascii 1.0", "element vertex 8", *(f"property double {axis}" for axis in "xyz")]
+    header += ["element face 12", "property list uchar int vertex_indices"]
+    header += [f"property {'uchar' if name == 'colour' else kind} {column}" for column in names] + ["end_header"]
+    number = (lambda x: f"{x:.3f}") if kind == "float" else (lambda x: str(int(x)))
+    lines = [" ".join(map(repr, map(float, vertex))) for vertex in BOX.vertices]
+    lines += [" ".join([*(str(int(x)) for x in row[:4]), *map(number, row[4:])]) for row in rows]
+    return "\n".join([*header, *lines]) + "\n"

@@ -12,6 +12,7 @@ from omegaconf.errors import OmegaConfBaseException
 from jointsdf import shapes
 from jointsdf.errors import InputError, first_line
 from jointsdf.runs.fingerprint import fingerprint_of
+from jointsdf.shapes.labels.providers import absolute
 from jointsdf.shapes.stored import shape_identity
 from jointsdf.values import Shape
 
@@ -76,8 +77,7 @@ def resolve_settings(cfg: DictConfig, shape: Shape, rate: float) -> tuple[dict[s
     settings = resolve(cfg)
     given = Path(str(cfg.shape)).expanduser()
     settings["shape"] = str(given.resolve()) if given.is_file() and shape.name != str(cfg.shape) else shape.name
-    if Path(str(cfg.labels)).expanduser().is_file():
-        settings["labels"] = str(Path(str(cfg.labels)).expanduser().resolve())
+    settings["labels"] = absolute(str(cfg.labels))
     if settings["partfield_dir"] is not None:
         settings["partfield_dir"] = str(Path(str(settings["partfield_dir"])).expanduser().resolve())
     settings["paths"]["abc_root"] = str(Path(cfg.paths.abc_root).expanduser().resolve())

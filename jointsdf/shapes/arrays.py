@@ -11,7 +11,11 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from jointsdf.errors import InputError
-from jointsdf.shapes.labels.providers import PROVIDERS, UnlabelledShape, provide
+from jointsdf.shapes.labels.array_files import flatten_column
+from jointsdf.shapes.labels.ids import check_ids
+from jointsdf.shapes.labels.lengths import spread_labels
+from jointsdf.shapes.labels.providers import provide
+from jointsdf.shapes.labels.unlabelled import UnlabelledShape
 from jointsdf.shapes.loading import LabelRequest
 from jointsdf.shapes.readers.file_mesh import FileMesh, check_mesh
 from jointsdf.shapes.repair import repair_mesh
@@ -32,7 +36,7 @@ def from_arrays(
     Args:
         vertices: Positions, shape (v, 3).
         faces: Vertex indices of triangles, shape (f, 3), counter-clockwise seen from outside.
-        labels: One integer >= -1 per face (-1: unlabelled), or a provider: `auto` and `geometric` segment the mesh,
+        labels: One integer per face or vertex (-1: unlabelled), or a provider: `auto` and `geometric` segment the mesh,
             `none` leaves it without parts; or the path of a label file in the order of the faces.
         num_parts: Number of parts, for a provider that can choose.
         partfield_dir: PartField's output folder, for `labels="partfield"`.
@@ -46,13 +50,14 @@ def from_arrays(
     called = name or f"mesh-{digest[:6]}"
     check_mesh(called, points, triangles)
     solid = repair_mesh(called, points, triangles)
+    file_mesh = FileMesh(points, triangles, digest)
     mesh = LabelledMesh(solid.vertices, solid.faces, np.full(len(solid.faces), UNLABELLED))
     if isinstance(labels, str):
         folder = None if partfield_dir is None else Path(partfield_dir).expanduser()
         request = LabelRequest(labels, num_parts, folder, needed=False)
         unlabelled = UnlabelledShape(
             called,
-            FileMesh(points, triangles, digest),
+            file_mesh,
             mesh,
             solid.source_faces,
             num_parts=request.num_parts,
@@ -61,7 +66,9 @@ def from_arrays(
         )
         found, provider = provide(request.labels, unlabelled)
     else:
-        found, provider = _check_labels(labels, len(triangles))[solid.source_faces], "array"
+        array = flatten_column("the array of labels", _to_array("labels", labels))
+        ids = spread_labels("the array of labels", check_ids("the array of labels", array), file_mesh)
+        found, provider = ids[solid.source_faces], "array"
     dropped = len(triangles) - len(solid.faces)
     return Shape(
         called, replace(mesh, labels=found), digest, provider, solid.watertight, flipped=solid.flipped, dropped=dropped
@@ -80,16 +87,6 @@ def _check_faces(given: Any) -> Int[ndarray, "f 3"]:
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
         raise InputError(f"faces of shape {array.shape} and type {array.dtype}: give integers in shape (f, 3)")
     return np.ascontiguousarray(array, dtype=np.int64)
-
-
-def _check_labels(given: Any, count: int) -> Int[ndarray, " f"]:
-    array = _to_array("labels", given)
-    if array.shape != (count,) or array.dtype.kind not in "iu" or array.min() < UNLABELLED:
-        raise InputError(
-            f"labels of shape {array.shape} and type {array.dtype}: give one integer >= -1 for each of the {count} "
-            f"faces, or one of {', '.join(PROVIDERS)}"
-        )
-    return array.astype(np.int64)
 
 
 def _to_array(name: str, given: Any) -> ndarray:

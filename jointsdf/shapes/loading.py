@@ -11,7 +11,8 @@ import numpy as np
 from jointsdf.errors import InputError, require_integer
 from jointsdf.shapes import abc, builtin
 from jointsdf.shapes.labels.partfield import possible_names
-from jointsdf.shapes.labels.providers import UnlabelledShape, benchmark, provide
+from jointsdf.shapes.labels.providers import benchmark, provide
+from jointsdf.shapes.labels.unlabelled import UnlabelledShape
 from jointsdf.shapes.naming import FALLBACK, name_of_file, shape_names
 from jointsdf.shapes.readers import step
 from jointsdf.shapes.readers.abc_features import find_features_file
@@ -31,7 +32,7 @@ class LabelRequest:
     """Part labels that the user wants.
 
     Attributes:
-        labels: A provider's name or the path of a label file.
+        labels: A provider's name, the path of a label file, or `<mesh file>:<column>`.
         num_parts: Number of parts, None to let the provider choose.
         partfield_dir: PartField's output folder.
         needed: Whether a shape without parts is an error.
@@ -68,10 +69,10 @@ def load(
     Args:
         shape: A catalogue name (`part_01`, `abc_0001`) or the path of a ply, obj, stl, off, glb, gltf, step,
             stp or p21 file, compressed by gzip (.gz) or not.
-        labels: A label file (`.npy`, `.txt`, ABC features, or a PLY with face labels or colours), or a provider:
-            `auto` (a built-in part's own, `labels.npy` beside the mesh, else `geometric`), `geometric`, `partfield`,
-            `brep` or `none`. The B-rep patches are a STEP file's faces, those of the features file beside an ABC obj,
-            or `patches.npy` beside the mesh.
+        labels: A label file, a mesh file with labels, `<mesh file>:<column>` for one column of its faces, or a
+            provider: `auto` (a built-in part's own, those in the mesh file, `labels.npy` beside it, else `geometric`),
+            `geometric`, `partfield`, `brep` or `none`. The B-rep patches are a STEP file's faces, those of the features
+            file beside an ABC obj, or `patches.npy` beside the mesh.
         num_parts: Number of parts, >= 2, for a provider that can choose. None: the benchmark's number for a catalogue
             ABC shape, the natural one for any other.
         partfield_dir: PartField's output folder, for `labels=partfield`.
@@ -161,7 +162,7 @@ def _load_file(
         found,
         unlabelled,
         solid.source_faces,
-        labels_path=path.with_name("labels.npy"),
+        path=path,
         patch_source=path if brep_faces is not None else find_features_file(path) or path.with_name("patches.npy"),
         patches=brep_faces,
         known_as=(*((name,) if name else ()), *possible_names(path, found.sha256)),

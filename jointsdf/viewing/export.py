@@ -11,6 +11,7 @@ from trimesh.visual.material import PBRMaterial
 
 from jointsdf.geometry.ply import binary_ply
 from jointsdf.runs.files import write_atomically
+from jointsdf.shapes.labels.face_order import order_record
 from jointsdf.values import UNLABELLED, LabelledMesh
 from jointsdf.viewing.palette import part_colours
 
@@ -18,11 +19,11 @@ TENSORBOARD_VERTICES = 65_535  # its page stores vertex indices as 16-bit intege
 
 
 def write_mesh(folder: Path, mesh: LabelledMesh) -> None:
-    """Write `mesh.ply`, `mesh.glb` and `labels.npy`, each atomically.
+    """Write `mesh.ply`, `mesh.glb`, `labels.npy` and `labels.json`, each atomically.
 
     `mesh.ply` has float64 vertices and, per face, a colour and an integer `label`. `mesh.glb` has one named node and
-    material per part. `labels.npy` is int64 in the face order of both `mesh` and `mesh.ply`. An empty mesh has no
-    `mesh.glb`: the format cannot hold one, and an older one is removed.
+    material per part. `labels.npy` is int64 in the face order of both `mesh` and `mesh.ply`, by which `labels.json`
+    knows them again. An empty mesh has no `mesh.glb`: the format cannot hold one, and an older one is removed.
 
     Args:
         folder: Created where missing.
@@ -36,6 +37,8 @@ def write_mesh(folder: Path, mesh: LabelledMesh) -> None:
     labels = io.BytesIO()
     np.save(labels, mesh.labels.astype(np.int64), allow_pickle=False)
     write_atomically(folder / "labels.npy", labels.getvalue())
+    corners = mesh.vertices[mesh.faces]
+    write_atomically(folder / "labels.json", order_record("mesh.ply", "labels.npy", labels.getvalue(), corners))
 
 
 def tensorboard_mesh(

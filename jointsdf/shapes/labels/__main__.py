@@ -15,7 +15,7 @@ import trimesh
 from jointsdf.cli_logging import program_name
 from jointsdf.errors import InputError
 from jointsdf.shapes.labels import partfield
-from jointsdf.shapes.labels.files import number_by_area
+from jointsdf.shapes.labels.ids import number_by_area
 from jointsdf.shapes.readers.file_mesh import FileMesh
 from jointsdf.shapes.readers.formats import stem_of
 from jointsdf.shapes.readers.triangles import read_triangles

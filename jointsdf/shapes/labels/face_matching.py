@@ -32,7 +32,7 @@ def match_faces(source: str, theirs: Float[ndarray, "g 3 3"], ours: Float[ndarra
     """
     if len(theirs) != len(ours):
         raise InputError(f"{source} has {len(theirs)} faces, the mesh has {len(ours)}: it is of another mesh")
-    theirs, ours = _in_box(theirs), _in_box(ours)
+    theirs, ours = in_box(theirs), in_box(ours)
     if np.abs(theirs.mean(axis=1) - ours.mean(axis=1)).max() <= TOLERANCE:
         return np.arange(len(ours))
     for key in (_centres_and_normals, _centres):  # faces that touch differ in their normals only
@@ -49,7 +49,8 @@ def match_faces(source: str, theirs: Float[ndarray, "g 3 3"], ours: Float[ndarra
     )
 
 
-def _in_box(corners: Float[ndarray, "f 3 3"]) -> Float[ndarray, "f 3 3"]:
+def in_box(corners: Float[ndarray, "f 3 3"]) -> Float[ndarray, "f 3 3"]:
+    """Move the middle of the faces' box to the origin and scale its longest side to 1."""
     points = corners.reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     return (corners - (low + high) / 2) / max((high - low).max(), np.finfo(float).tiny)

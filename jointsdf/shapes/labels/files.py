@@ -1,90 +1,57 @@
-"""Part labels, one integer per face: read from `.npy` and text files, renumbered by falling area."""
+"""Part labels in files of their own, by ending: arrays, text, JSON, points, ABC features."""
 
-import io
-import re
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Int
+from jaxtyping import Int, Shaped
 from numpy import ndarray
 
 from jointsdf.errors import InputError
-from jointsdf.geometry.mesh import face_areas
-from jointsdf.values import UNLABELLED, LabelledMesh
+from jointsdf.shapes.labels.array_files import flatten_column, read_archive, read_array, read_bytes
+from jointsdf.shapes.labels.contents import describe_content
+from jointsdf.shapes.labels.ids import check_ids
+from jointsdf.shapes.labels.lengths import spread_labels
+from jointsdf.shapes.labels.point_files import read_point_labels
+from jointsdf.shapes.labels.text_files import read_json, read_text
+from jointsdf.shapes.readers import abc_features
+from jointsdf.shapes.readers.file_mesh import FileMesh
+from jointsdf.shapes.readers.formats import LISTED
 
-TEXT = (".txt",)
+BREP, POINTS = ".seg", ".xyzc"
+READERS: dict[str, Callable[[Path], Shaped[ndarray, "..."]]] = {
+    ".npy": read_array,
+    ".npz": read_archive,
+    ".txt": read_text,
+    ".csv": read_text,
+    ".json": read_json,
+    BREP: read_text,
+}
 
 
-def read_labels(path: Path, num_faces: int) -> Int[ndarray, " f"]:
-    """Read one label per face of the mesh file.
+def read_labels(path: Path, mesh: FileMesh, patches: Int[ndarray, " f"] | None = None) -> Int[ndarray, " f"]:
+    """Read a label for each triangle of a mesh file.
 
     Args:
-        path: A `.npy` file of integers >= -1, shape (f,) or (f, 1), or a `.txt` file with one of them in each line.
-        num_faces: Faces of the mesh FILE, before degenerate ones are dropped.
+        path: `.npy`, `.npz`, `.txt`, `.csv`, `.json` or `.seg` (numbers from -1 to 2^31-1, as many as the mesh has
+            triangles, polygons, vertices or B-rep faces, which `.seg` means first), `.xyzc` (labelled points on the
+            surface), or an ABC features file.
+        mesh: The mesh file, before any repair.
+        patches: B-rep face of each triangle of a STEP file, else None.
 
     Raises:
-        InputError: The file is empty, truncated, pickled, not of integers, of another length, or below -1.
+        InputError: The file cannot be read, or is of another mesh. It says what the file is.
     """
-    array = _read_text(path) if path.suffix.lower() in TEXT else read_array(path)
-    if array.dtype.kind not in "iu":
-        raise InputError(f"labels file {path} holds {array.dtype}: save an integer array, one part id >= -1 per face")
-    if array.ndim != 1 and array.shape[1:] != (1,):
-        raise InputError(f"labels file {path} has shape {array.shape}: it must be one integer per face, ({num_faces},)")
-    if len(array) != num_faces:
-        raise InputError(f"labels file {path} has {len(array)} labels, the mesh file has {num_faces} faces")
-    if array.dtype == np.uint64 and array.size and array.max() > np.iinfo(np.int64).max:
-        raise InputError(f"labels file {path} holds {array.max()}: part ids must fit 64-bit signed integers")
-    labels = array.reshape(-1).astype(np.int64)
-    if labels.size and labels.min() < UNLABELLED:
-        raise InputError(f"labels file {path} holds {labels.min()}: part ids are >= -1, and -1 means unlabelled")
-    return labels
-
-
-def read_array(path: Path) -> ndarray:
-    """Read the array in a `.npy` file.
-
-    Raises:
-        InputError: The file cannot be opened, or is empty, truncated, pickled or no `.npy`.
-    """
-    try:
-        array: ndarray = np.lib.format.read_array(io.BytesIO(path.read_bytes()), allow_pickle=False)
-        return array
-    except OSError as error:
-        raise InputError(f"labels file {path} cannot be opened: {error.strerror or error}") from error
-    except (ValueError, EOFError, MemoryError, SyntaxError) as error:
+    suffix, source = path.suffix.lower(), f"labels file {path}"
+    if suffix in abc_features.SUFFIXES:
+        count = len(mesh.faces) if mesh.polygons is None else int(mesh.polygons.max()) + 1
+        found = abc_features.read_features(path, count, len(mesh.vertices)).patches
+        return found if mesh.polygons is None else found[mesh.polygons]
+    if suffix == POINTS:
+        return read_point_labels(path, mesh)
+    if suffix not in READERS:
         raise InputError(
-            f"labels file {path} is empty, truncated, pickled or no .npy: save an integer array by numpy.save"
-        ) from error
-
-
-def _read_text(path: Path) -> Int[ndarray, " f"]:
-    """Read the integers in the lines of a text file; empty lines at its end do not count."""
-    try:
-        lines = path.read_bytes().decode("utf-8-sig").rstrip().splitlines()
-    except OSError as error:
-        raise InputError(f"labels file {path} cannot be opened: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"labels file {path} is no text: write one integer per line, one line per face") from error
-    if not lines:
-        raise InputError(f"labels file {path} is empty: write one integer per line, one line per face")
-    for number, line in enumerate(lines, start=1):
-        if not re.fullmatch(r"\s*[+-]?[0-9]{1,18}\s*", line):
-            raise InputError(
-                f"labels file {path} has {line.strip()[:40]!r} in line {number}: write one integer per line"
-            )
-    return np.array([int(line) for line in lines], dtype=np.int64)
-
-
-def number_by_area(mesh: LabelledMesh) -> Int[ndarray, " f"]:
-    """Renumber the parts 0, 1, .. by falling area, so that a number means something across shapes; -1 stays.
-
-    >>> square = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [4, 0, 0]])
-    >>> number_by_area(LabelledMesh(square, np.array([[0, 1, 2], [1, 3, 2]]), np.array([5, 7])))
-    array([1, 0])
-    """
-    labelled = mesh.labels != UNLABELLED
-    parts = np.searchsorted(mesh.part_ids, mesh.labels[labelled])
-    part_areas = np.bincount(parts, face_areas(mesh)[labelled], minlength=len(mesh.part_ids))
-    labels = mesh.labels.copy()
-    labels[labelled] = np.argsort(np.argsort(-part_areas, kind="stable"), kind="stable")[parts]
-    return labels
+            f"{source} is {describe_content(read_bytes(path))}: read are {', '.join((*READERS, POINTS))}, ABC's .yml, "
+            f"and columns of mesh files ({LISTED})"
+        )
+    labels = check_ids(source, flatten_column(source, READERS[suffix](path)))
+    return spread_labels(source, labels, mesh, patches, patches_first=suffix == BREP)

@@ -13,9 +13,9 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from jointsdf.errors import InputError
+from jointsdf.shapes.labels.array_files import read_array
 from jointsdf.shapes.labels.clustering import cluster_features
 from jointsdf.shapes.labels.face_matching import match_faces
-from jointsdf.shapes.labels.files import read_array
 from jointsdf.shapes.readers.mesh_file import read_mesh
 
 MOST = 18  # parts, where the user gives no number

@@ -1,8 +1,9 @@
 """Providers of part labels: the values of `labels=`, each a function from a mesh to a part for each face."""
 
 import csv
+import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from difflib import get_close_matches
 from functools import cache
 from importlib import resources
@@ -13,64 +14,36 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from jointsdf.errors import InputError
+from jointsdf.geometry.mesh import face_areas
 from jointsdf.shapes.labels import partfield
-from jointsdf.shapes.labels.face_matching import match_faces
-from jointsdf.shapes.labels.files import number_by_area, read_labels
-from jointsdf.shapes.readers import abc_features
-from jointsdf.shapes.readers.file_mesh import FileMesh
-from jointsdf.shapes.readers.mesh_file import read_labelled_ply
+from jointsdf.shapes.labels.columns import split_column, suggest_columns
+from jointsdf.shapes.labels.files import read_labels
+from jointsdf.shapes.labels.given import find_own, from_file
+from jointsdf.shapes.labels.ids import number_by_area
+from jointsdf.shapes.labels.unlabelled import Labels, UnlabelledShape
 from jointsdf.shapes.segmentation.hierarchy import build_hierarchy
-from jointsdf.values import UNLABELLED, LabelledMesh
+from jointsdf.values import UNLABELLED
 
-Labels = tuple[Int[ndarray, " f"], str]
+SLIVER, WHOLE = 0.01, 0.9  # shares of the area: a part below is hardly one; beside a part above, nothing is divided
 
-
-@dataclass(frozen=True)
-class UnlabelledShape:
-    """A mesh that needs labels, and their possible sources.
-
-    Attributes:
-        name: Of the mesh in messages.
-        file_mesh: The mesh in its file: label files follow its order.
-        solid: The repaired mesh, with own labels or -1.
-        source_faces: Index of each face of `solid` among those of `file_mesh`.
-        labels_path: `labels.npy` beside the mesh file, existing or not; None for a mesh without a file.
-        patch_source: File of the B-rep patches, existing or not: a `.npy`, a features file, or the STEP file itself.
-        patches: Of a STEP file's faces, in the order of `file_mesh`; None for any other mesh.
-        known_as: Names that PartField may have given to the mesh.
-        num_parts: Wanted number of parts, None to let the provider choose.
-        usual_parts: Number of parts that the geometric provider chooses; None for the natural one.
-        partfield_dir: PartField's output folder.
-        needed: Whether missing patches are an error; otherwise the mesh stays unlabelled.
-    """
-
-    name: str
-    file_mesh: FileMesh
-    solid: LabelledMesh
-    source_faces: Int[ndarray, " f"]
-    labels_path: Path | None = None
-    patch_source: Path | None = None
-    patches: Int[ndarray, " g"] | None = None
-    known_as: tuple[str, ...] = ()
-    num_parts: int | None = None
-    usual_parts: int | None = None
-    partfield_dir: Path | None = None
-    needed: bool = True
+logger = logging.getLogger(__name__)
 
 
 def auto(shape: UnlabelledShape) -> Labels:
-    """The mesh's own labels, `labels.npy` beside it, else parts by its geometry."""
+    """The mesh's own labels, those in its file, `labels.npy` beside it, else parts by its geometry."""
     if len(shape.solid.part_ids):
-        _refuse_count(shape, f"{shape.name} has its own labels")
+        shape.refuse_count(f"{shape.name} has its own labels")
         return number_by_area(shape.solid), "builtin"
-    if shape.labels_path is not None and shape.labels_path.is_file():
-        return from_file(shape, shape.labels_path)
+    if own := find_own(shape):
+        return own
+    if suggestion := suggest_columns(shape.name, shape.file_mesh):
+        logger.warning("%s", suggestion)
     return geometric(shape)
 
 
 def brep(shape: UnlabelledShape) -> Labels:
     """The B-rep patches, unchanged."""
-    _refuse_count(shape, "labels=brep gives the patches as they are")
+    shape.refuse_count("labels=brep gives the patches as they are")
     patches = _find_patches(shape)
     if patches is None and not shape.needed:
         return none(shape)
@@ -82,15 +55,16 @@ def brep(shape: UnlabelledShape) -> Labels:
 
 def geometric(shape: UnlabelledShape) -> Labels:
     """Parts by the mesh's geometry, merged from whole B-rep patches where these are known."""
-    patches = None if shape.file_mesh.has_polygons else _find_patches(shape)
+    patches = _find_patches(shape)
     found = build_hierarchy(shape.solid, None if patches is None else patches[shape.source_faces])
     labels = found.cut(shape.num_parts if shape.num_parts is not None else shape.usual_parts)
+    if shape.num_parts is not None:
+        _warn_of_slivers(shape, labels, found.natural_parts)
     return labels, f"geometric:k={labels.max() + 1}"
 
 
 def from_partfield(shape: UnlabelledShape) -> Labels:
     """Parts from PartField's output folder."""
-    _refuse_polygons(shape)
     corners = shape.file_mesh.vertices[shape.file_mesh.faces]
     labels, count = partfield.read_parts(shape.partfield_dir, shape.known_as, corners, shape.num_parts)
     return number_by_area(replace(shape.solid, labels=labels[shape.source_faces])), f"partfield:k={count}"
@@ -98,7 +72,7 @@ def from_partfield(shape: UnlabelledShape) -> Labels:
 
 def none(shape: UnlabelledShape) -> Labels:
     """No labels, even where there are some beside the mesh."""
-    _refuse_count(shape, "labels=none gives no parts")
+    shape.refuse_count("labels=none gives no parts")
     return np.full(len(shape.solid.faces), UNLABELLED), "none"
 
 
@@ -115,7 +89,7 @@ def provide(labels: str, shape: UnlabelledShape) -> Labels:
     """Label the faces of `shape.solid` by a provider or a file.
 
     Args:
-        labels: A provider's name or the path of a label file.
+        labels: A provider's name, the path of a label file, or `<mesh file>:<column>`.
         shape: The mesh.
 
     Returns:
@@ -126,32 +100,21 @@ def provide(labels: str, shape: UnlabelledShape) -> Labels:
     """
     if labels in PROVIDERS:
         return PROVIDERS[labels](shape)
-    path = Path(labels).expanduser()
-    if path.is_file():
-        return from_file(shape, path)
-    if path.suffix or len(path.parts) > 1:
+    if given := split_column(labels):
+        return from_file(shape, *given)
+    if Path(labels).suffix or len(Path(labels).parts) > 1:
         raise InputError(f"labels file not found: {labels}")
     near = get_close_matches(labels, PROVIDERS, n=1, cutoff=0.0)[0]
     raise InputError(f"unknown labels={labels!r}: give a label file or one of {', '.join(PROVIDERS)} (near: {near})")
 
 
-def from_file(shape: UnlabelledShape, path: Path) -> Labels:
-    """Read the labels in a file: `.npy`, `.txt`, an ABC features file, or a PLY with face labels or face colours.
-
-    Raises:
-        InputError: The file is of another mesh or damaged, or the user gave a number of parts.
-    """
-    _refuse_count(shape, f"labels file {path} gives its parts as they are")
-    _refuse_polygons(shape)
-    file_mesh, provider = shape.file_mesh, f"file:{path.name}"
-    if path.suffix.lower() != ".ply":
-        return _read_per_face(path, file_mesh)[shape.source_faces], provider
-    mesh, labels, are_colours = read_labelled_ply(path)
-    order = match_faces(f"labels file {path}", mesh.vertices[mesh.faces], file_mesh.vertices[file_mesh.faces])
-    labels = labels[order][shape.source_faces]
-    if are_colours:
-        labels = number_by_area(replace(shape.solid, labels=labels))
-    return labels, provider
+def absolute(labels: str) -> str:
+    """The same value of `labels=` for any working directory: the path of a file, with its column, in full."""
+    given = None if labels in PROVIDERS else split_column(labels)
+    if given is None:
+        return labels
+    path, column = given
+    return f"{path.resolve()}:{column}" if column else str(path.resolve())
 
 
 @cache
@@ -167,23 +130,20 @@ def _find_patches(shape: UnlabelledShape) -> Int[ndarray, " g"] | None:
         return shape.patches
     if shape.patch_source is None or not shape.patch_source.is_file():
         return None
-    _refuse_polygons(shape)
-    return _read_per_face(shape.patch_source, shape.file_mesh)
+    return read_labels(shape.patch_source, shape.file_mesh)
 
 
-def _read_per_face(path: Path, file_mesh: FileMesh) -> Int[ndarray, " g"]:
-    if path.suffix.lower() in abc_features.SUFFIXES:
-        return abc_features.read_features(path, len(file_mesh.faces), len(file_mesh.vertices)).patches
-    return read_labels(path, len(file_mesh.faces))
+def _warn_of_slivers(shape: UnlabelledShape, labels: Int[ndarray, " f"], natural: int) -> None:
+    """Warn where the wanted number of parts leaves nearly all in one part and cuts off parts of next to no area.
 
-
-def _refuse_count(shape: UnlabelledShape, why: str) -> None:
-    if shape.num_parts is not None:
-        raise InputError(f"num_parts={shape.num_parts}: {why}; leave num_parts out, or give labels=geometric")
-
-
-def _refuse_polygons(shape: UnlabelledShape) -> None:
-    if shape.file_mesh.has_polygons:
-        raise InputError(
-            f"{shape.name} has polygons, so labels per face are ambiguous: triangulate it, one label per triangle"
+    With the benchmark's numbers this is so for one of its 50 shapes (`abc_0042`), and for no built-in part.
+    """
+    areas = np.bincount(labels, face_areas(shape.solid))
+    shares = areas / areas.sum()
+    few = int((shares < SLIVER).sum())
+    if few and shares.max() > WHOLE:
+        logger.warning(
+            "%s: num_parts=%d leaves %.1f%% of the area in one part; %d have less than %g%%: its geometry suggests "
+            "num_parts=%d",
+            *(shape.name, len(areas), 100 * shares.max(), few, 100 * SLIVER, natural),
         )

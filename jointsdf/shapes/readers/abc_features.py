@@ -21,6 +21,7 @@ from jointsdf.values import UNLABELLED
 
 SUFFIXES = (".yml", ".yaml")
 DEEPEST = 20  # levels of nesting; the files have six
+MISSING = -1  # vertex of a curve that ABC's meshing did not find
 MOST_DIGITS = 18  # of an index: they fit 64 bits
 ABC_OBJ = re.compile(r"(\d{8}_[0-9a-f]{24})_trimesh_(\d+)\.obj(\.gz)?", re.IGNORECASE)
 
@@ -77,12 +78,14 @@ def read_features(path: Path, num_faces: int, num_vertices: int) -> Features:
         logger.warning("%s: %d of %d faces are in no patch and stay unlabelled", path, without, num_faces)
     curves = _check_entries(path, document, "curves", ("vert_indices", "sharp"))
     sharp = [
-        _parse_indices(path, curve["vert_indices"], num_vertices, "vertex")
+        _parse_indices(path, curve["vert_indices"], num_vertices, "vertex", some_missing=True)
         for curve in curves
         if curve["sharp"] == "true"
     ]
+    if holed := sum(bool((curve == MISSING).any()) for curve in sharp):
+        logger.warning("%s: %d curves have vertices %d, which no mesh has: left out", path, holed, MISSING)
     edges = np.array([edge for curve in sharp for edge in pairwise(curve.tolist())], dtype=np.int64).reshape(-1, 2)
-    edges = np.sort(edges[edges[:, 0] != edges[:, 1]], axis=1)
+    edges = np.sort(edges[(edges[:, 0] != edges[:, 1]) & (edges != MISSING).all(axis=1)], axis=1)
     return Features(patches, tuple(surfaces), np.unique(edges, axis=0))
 
 
@@ -140,9 +143,14 @@ def _check_entries(path: Path, document: dict[Any, Any], key: str, fields: tuple
     return entries
 
 
-def _parse_indices(path: Path, given: object, count: int, kind: str) -> Int[ndarray, " n"]:
-    """Parse a list of indices below `count`."""
-    if not isinstance(given, list) or not all(isinstance(word, str) and word.isdecimal() for word in given):
+def _parse_indices(
+    path: Path, given: object, count: int, kind: str, *, some_missing: bool = False
+) -> Int[ndarray, " n"]:
+    """Parse a list of indices below `count`; of some also -1."""
+    missing = (str(MISSING),) if some_missing else ()
+    if not isinstance(given, list) or not all(
+        isinstance(word, str) and (word.isdecimal() or word in missing) for word in given
+    ):
         raise InputError(f"features file {path} is damaged: {kind} indices are not a list of integers >= 0")
     outside = next((word for word in given if len(word) > MOST_DIGITS or int(word) >= count), None)
     if outside is not None:

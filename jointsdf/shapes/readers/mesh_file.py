@@ -4,21 +4,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Int
-from numpy import ndarray
-
 from jointsdf.errors import InputError
 from jointsdf.shapes.readers.content import Content, read_content
-from jointsdf.shapes.readers.face_columns import COLOUR
-from jointsdf.shapes.readers.file_mesh import OWN_LABELS, FileMesh, check_mesh
+from jointsdf.shapes.readers.file_mesh import FileMesh, check_mesh
 from jointsdf.shapes.readers.gltf import read_gltf
 from jointsdf.shapes.readers.obj import read_obj
 from jointsdf.shapes.readers.off import read_off
 from jointsdf.shapes.readers.ply import read_ply
 from jointsdf.shapes.readers.precision import warn_of_rounding
 from jointsdf.shapes.readers.stl import read_stl
-from jointsdf.values import UNLABELLED
 
 READERS: Mapping[str, Callable[[Path, bytes], FileMesh]] = {
     "ply": read_ply,
@@ -59,27 +53,3 @@ def parse_mesh(path: Path, content: Content) -> FileMesh:
     if content.format in ("glb", "gltf"):  # all of whose coordinates are of 32 bits
         warn_of_rounding(str(path), mesh.vertices)
     return replace(mesh, sha256=content.sha256)
-
-
-def read_labelled_ply(path: Path) -> tuple[FileMesh, Int[ndarray, " f"], bool]:
-    """Read a PLY file with a part for each face.
-
-    The integer property `label` takes precedence over colours, of which each distinct one (without opacity) is a part.
-
-    Returns:
-        The mesh, the parts, and whether they are colours.
-
-    Raises:
-        InputError: The mesh cannot be read, has polygons, or has neither property.
-    """
-    mesh = read_mesh(path)
-    if mesh.has_polygons:
-        raise InputError(f"{path} has polygons: triangulate it, so that each triangle has its label")
-    if OWN_LABELS in mesh.columns:
-        labels = mesh.columns[OWN_LABELS].values
-        if labels.dtype.kind not in "iu" or (labels.size and labels.min() < UNLABELLED):
-            raise InputError(f"{path}: its face property label must be an integer >= -1, where -1 means unlabelled")
-        return mesh, labels.astype(np.int64), False
-    if COLOUR not in mesh.columns:
-        raise InputError(f"{path} has no part labels: it needs an integer face property label, or face colours")
-    return mesh, mesh.columns[COLOUR].values.astype(np.int64), True

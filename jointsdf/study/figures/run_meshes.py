@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 from jointsdf.errors import InputError
 from jointsdf.geometry.distance import ExactDistance
 from jointsdf.geometry.mesh import face_areas
-from jointsdf.shapes.readers.mesh_file import read_labelled_ply
+from jointsdf.shapes.labels.columns import read_own_labels
 from jointsdf.shapes.stored import stored_truth
 from jointsdf.values import LabelledMesh, Shape
 
@@ -87,8 +87,7 @@ def load_pair(folder: Path) -> Pair:
     if not path.is_file():
         raise InputError(f"{path} is not there")
     _, truth = stored_truth(folder)
-    mesh, labels, _ = read_labelled_ply(path)
-    return Pair(truth, LabelledMesh(mesh.vertices, mesh.faces, labels))
+    return Pair(truth, read_own_labels(path))
 
 
 def centroids(mesh: LabelledMesh) -> Float[ndarray, "f 3"]:

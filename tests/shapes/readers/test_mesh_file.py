@@ -3,7 +3,6 @@
 import gzip
 import hashlib
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ from step_files import NEEDS_READER, ONE, step_boxes
 
 from jointsdf.errors import InputError
 from jointsdf.shapes.readers import mesh_file
-from jointsdf.viewing.export import write_mesh
 
 
 def nan_stl() -> bytes:
@@ -156,88 +154,6 @@ def test_glb_of_many_meshes_is_joined_in_its_order_and_place(tmp_path: Path) -> 
     shape = load(put(tmp_path, "a.glb", scene.export(file_type="glb")))
     centres = shape.mesh.vertices[shape.mesh.faces].mean(axis=1).reshape(12, 12, 3).mean(axis=1)
     np.testing.assert_allclose(centres, [[3.0 * i, 0, 0] for i in range(12)], atol=1e-6)
-
-
-def test_polygons_are_read_but_refuse_labels(tmp_path: Path) -> None:
-    quad = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nf 4 3 2 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n"
-    path = put(tmp_path, "a.obj", quad)
-    assert signed_volume(load(path)) == pytest.approx(1 / 3)
-    np.save(tmp_path / "labels.npy", np.arange(6))
-    with pytest.raises(InputError, match="triangulate it"):
-        load(path)
-
-
-def painted(name: str = "label", values: np.ndarray | None = None, order: np.ndarray | None = None) -> str:
-    """The box as a text PLY with one value per face: a property, or three colours."""
-    order = np.arange(12) if order is None else order
-    values = SIDES if values is None else values
-    names = ("red", "green", "blue") if name == "colour" else (name,)
-    rows = np.column_stack([np.full(12, 3), BOX.faces, values])[order]
-    kind = "float" if values.dtype.kind == "f" else "int"
-    header = ["ply", "format ascii 1.0", "element vertex 8", *(f"property double {axis}" for axis in "xyz")]
-    header += ["element face 12", "property list uchar int vertex_indices"]
-    header += [f"property {'uchar' if name == 'colour' else kind} {column}" for column in names] + ["end_header"]
-    number = (lambda x: f"{x:.3f}") if kind == "float" else (lambda x: str(int(x)))
-    lines = [" ".join(map(repr, map(float, vertex))) for vertex in BOX.vertices]
-    lines += [" ".join([*(str(int(x)) for x in row[:4]), *map(number, row[4:])]) for row in rows]
-    return "\n".join([*header, *lines]) + "\n"
-
-
-def test_a_ply_holds_labels_for_its_faces(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    path = put(tmp_path, "a.stl", exported("stl"))
-    given = put(tmp_path, "b.ply", painted(values=SIDES * 100 - 1))
-    assert load(path, labels=str(given)).mesh.labels.tolist() == (SIDES * 100 - 1).tolist()
-    assert "another order" not in caplog.text
-    order = np.random.default_rng(0).permutation(12)
-    given.write_text(painted(values=SIDES * 100 - 1, order=order))
-    shape = load(path, labels=str(given))
-    assert (shape.label_provider, shape.mesh.labels.tolist()) == ("file:b.ply", (SIDES * 100 - 1).tolist())
-    assert "its faces are in another order" in caplog.text
-
-
-@pytest.mark.parametrize("exporter", ["text", "binary"])
-def test_face_colours_are_parts_by_falling_area(tmp_path: Path, exporter: str) -> None:
-    path = put(tmp_path, "a.ply", exported("ply"))
-    axes = np.abs(BOX.face_normals).argmax(axis=1)  # areas of the two sides along each axis: 24, 16, 12
-    colours = np.array([[9, 9, 200], [255, 0, 1], [255, 0, 0]], dtype=np.uint8)[axes]
-    if exporter == "text":
-        content: bytes | str = painted("colour", colours)
-    else:
-        coloured = trimesh.Trimesh(BOX.vertices, BOX.faces[::-1], process=False, face_colors=colours[::-1])
-        content = coloured.export(file_type="ply")
-    shape = load(path, labels=str(put(tmp_path, "b.ply", content)), segmented=True)
-    np.testing.assert_array_equal(shape.mesh.labels, axes)
-
-
-def test_our_own_painted_mesh_gives_its_labels_back(tmp_path: Path) -> None:
-    shape = load("part_07")
-    write_mesh(tmp_path, replace(shape.mesh, labels=shape.mesh.labels * 3 + 30))
-    again = load(tmp_path / "mesh.ply", labels=str(tmp_path / "mesh.ply"))
-    np.testing.assert_array_equal(again.mesh.labels, shape.mesh.labels * 3 + 30)
-
-
-BAD_PLY_LABELS: dict[str, tuple[bytes | str, str]] = {
-    "no colours": (exported("ply"), "has no part labels: it needs an integer face property label, or face colours"),
-    "floats": (painted(values=SIDES + 0.5), "must be an integer >= -1"),
-    "below -1": (painted(values=SIDES - 2), "must be an integer >= -1"),
-    "two faces fewer": (
-        painted().replace("element face 12", "element face 10").rsplit("\n", 3)[0] + "\n",
-        "has 10 faces, the mesh has 12: it is of another mesh",
-    ),
-    "another mesh": (painted().replace("6.0", "7.5"), "is of another mesh: of its 12 faces and the mesh's 12"),
-    "cut": (painted()[:-30], "truncated"),
-}
-
-
-@pytest.mark.parametrize("case", BAD_PLY_LABELS)
-def test_bad_labels_in_a_ply_are_one_line_that_names_it(tmp_path: Path, case: str) -> None:
-    content, message = BAD_PLY_LABELS[case]
-    path, given = put(tmp_path, "a.ply", exported("ply")), put(tmp_path, "b.ply", content)
-    with pytest.raises(InputError) as caught:
-        load(path, labels=str(given))
-    assert message in str(caught.value)
-    assert str(given) in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def test_file_reader_leaves_the_file_as_it_is(tmp_path: Path) -> None:
