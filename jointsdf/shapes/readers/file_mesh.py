@@ -34,7 +34,8 @@ class FileMesh:
     Attributes:
         vertices: Positions, all finite.
         faces: Vertex indices, all in range.
-        sha256: Of the file's bytes; "" from the reader of a format, which does not know what the bytes came from.
+        sha256: Of the file's bytes, and those of files that belong to it; "" from the reader of a format, unless it
+            read such a file, since it does not know what the bytes came from.
         polygons: The file's own face that each triangle is of, ascending from 0 without gaps, where faces were cut into
             triangles; else None.
         columns: Columns of the triangles by name.

@@ -52,4 +52,4 @@ def parse_mesh(path: Path, content: Content) -> FileMesh:
     check_mesh(str(path), mesh.vertices, mesh.faces)
     if content.format in ("glb", "gltf"):  # all of whose coordinates are of 32 bits
         warn_of_rounding(str(path), mesh.vertices)
-    return replace(mesh, sha256=content.sha256)
+    return mesh if mesh.sha256 else replace(mesh, sha256=content.sha256)
