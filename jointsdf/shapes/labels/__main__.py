@@ -82,7 +82,7 @@ def import_partfield(path: Path, results: Path, mesh: FileMesh, num_parts: int |
         InputError: PartField's output does not hold this mesh.
     """
     names = partfield.possible_names(path, mesh.sha256)[-1:]
-    labels, count = partfield.read_parts(results, names, mesh.vertices[mesh.faces], num_parts)
+    labels, count = partfield.read_parts(results, names, mesh, num_parts)
     labels_path, painted_path = (
         path.with_name(f"{stem_of(path)}_partfield_{count:02d}{kind}") for kind in (".npy", ".ply")
     )

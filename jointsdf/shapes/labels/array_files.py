@@ -11,6 +11,8 @@ from numpy import ndarray
 
 from jointsdf.errors import InputError
 from jointsdf.shapes.labels.contents import describe_content
+from jointsdf.shapes.readers.content import decompress
+from jointsdf.shapes.readers.formats import GZIP
 
 NAMED = "labels"  # the array of several in an `.npz` that is taken
 BY_CONTENT = {"text": "name it .txt or .csv", "a zip archive (.npz?)": "name it .npz"}
@@ -59,13 +61,14 @@ def flatten_column(source: str, array: Shaped[ndarray, "..."]) -> Shaped[ndarray
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file.
+    """Read a file, decompressed where its name ends in `.gz`.
 
     Raises:
-        InputError: It cannot be opened.
+        InputError: It cannot be opened, or is compressed and damaged.
     """
     try:
-        return path.read_bytes()
+        data = path.read_bytes()
+        return decompress(path, data) if data and path.suffix.lower() == GZIP else data
     except OSError as error:
         raise InputError(f"labels file {path} cannot be opened: {error.strerror or error}") from error
 

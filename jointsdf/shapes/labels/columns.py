@@ -16,6 +16,7 @@ PARTS = {  # columns that may be parts, with the word for several
     "group": "groups", "object": "objects", "node": "nodes", "solid": "solids", "body": "bodies",
     "material": "materials", COLOUR: "colours",
 }  # fmt: skip
+FACE = "face"  # of a STEP file
 MOST_PARTS = 64  # values of a column that may be parts
 
 
@@ -65,11 +66,16 @@ def choose_column(source: str, mesh: FileMesh) -> str:
 
 
 def suggest_columns(source: str, mesh: FileMesh) -> str | None:
-    """Name the columns that may be parts, and how to take the first of them; None where there are none."""
-    found = {name: count for name in PARTS if name in mesh.columns and 2 <= (count := _count(mesh, name)) <= MOST_PARTS}
+    """Name the columns that may be parts, and how to take the first of them; None where there are none.
+
+    These are named things, colours, and any other integers of few values but a STEP file's B-rep faces.
+    """
+    others = [name for name, each in mesh.columns.items() if each.are_ids and each.values.dtype.kind in "biu"]
+    names = [name for name in (*PARTS, *others) if name in mesh.columns and name not in (OWN_LABELS, FACE)]
+    found = {name: count for name in names if 2 <= (count := _count(mesh, name)) <= MOST_PARTS}
     if not found:
         return None
-    counts = [f"{count} {PARTS[name]}" for name, count in found.items()]
+    counts = [f"{count} {PARTS.get(name, f'values of {name}')}" for name, count in found.items()]
     listed = " and ".join([", ".join(counts[:-1]), counts[-1]] if len(counts) > 1 else counts)
     first = next(iter(found))
     return f"{source}: has {listed}: labels={source}:{first} takes them as parts; labels=auto segments by geometry"

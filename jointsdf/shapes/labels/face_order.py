@@ -11,7 +11,7 @@ from numpy import ndarray
 from jointsdf.shapes.labels.face_matching import TOLERANCE, in_box
 
 FORMAT = "jointsdf labels"
-SAMPLES = 64  # faces of the fingerprint at most
+SAMPLES = 512  # faces of the fingerprint at most: of larger meshes, evenly spaced ones
 
 
 def order_record(mesh: str, labels: str, content: bytes, corners: Float[ndarray, "f 3 3"]) -> str:
@@ -29,9 +29,9 @@ def order_record(mesh: str, labels: str, content: bytes, corners: Float[ndarray,
         "sha256": hashlib.sha256(content).hexdigest(),
         "mesh": mesh,
         "faces": len(corners),
-        "centroids": sample_centroids(corners).round(9).tolist(),  # middle of the box 0, its longest side 1
+        "centroids": sample_centroids(corners).round(6).tolist(),  # middle of the box 0, its longest side 1
     }
-    return json.dumps(record, indent=1) + "\n"
+    return json.dumps(record) + "\n"
 
 
 def find_other_mesh(labels: Path, corners: Float[ndarray, "f 3 3"]) -> str | None:
@@ -60,7 +60,7 @@ def find_other_mesh(labels: Path, corners: Float[ndarray, "f 3 3"]) -> str | Non
 
 
 def sample_centroids(corners: Float[ndarray, "f 3 3"]) -> Float[ndarray, "s 3"]:
-    """Centroids of up to 64 evenly spaced faces, where the middle of the box is the origin and its longest side 1."""
+    """Centroids of up to 512 evenly spaced faces, where the middle of the box is the origin and its longest side 1."""
     if len(corners) == 0:
         return np.zeros((0, 3))
     index = np.linspace(0, len(corners) - 1, min(SAMPLES, len(corners))).astype(np.int64)

@@ -15,7 +15,7 @@ from jointsdf.shapes.labels.point_files import read_point_labels
 from jointsdf.shapes.labels.text_files import read_json, read_text
 from jointsdf.shapes.readers import abc_features
 from jointsdf.shapes.readers.file_mesh import FileMesh
-from jointsdf.shapes.readers.formats import LISTED
+from jointsdf.shapes.readers.formats import LISTED, suffix_of
 
 BREP, POINTS = ".seg", ".xyzc"
 READERS: dict[str, Callable[[Path], Shaped[ndarray, "..."]]] = {
@@ -41,8 +41,8 @@ def read_labels(path: Path, mesh: FileMesh, patches: Int[ndarray, " f"] | None =
     Raises:
         InputError: The file cannot be read, or is of another mesh. It says what the file is.
     """
-    suffix, source = path.suffix.lower(), f"labels file {path}"
-    if suffix in abc_features.SUFFIXES:
+    suffix, source = f".{suffix_of(path)}", f"labels file {path}"
+    if path.suffix.lower() in abc_features.SUFFIXES:
         count = len(mesh.faces) if mesh.polygons is None else int(mesh.polygons.max()) + 1
         found = abc_features.read_features(path, count, len(mesh.vertices)).patches
         return found if mesh.polygons is None else found[mesh.polygons]

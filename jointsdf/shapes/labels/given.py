@@ -60,20 +60,20 @@ def find_own(shape: UnlabelledShape) -> Labels | None:
     """
     if shape.path is None:
         return None
-    own = _find_own_column(shape)
-    beside: Path | None = shape.path.with_name(BESIDE)
-    if beside is not None and not beside.is_file():
-        beside = None
-    if beside is not None and (other := find_other_mesh(beside, _corners(shape.file_mesh))):
+    own, beside = _find_own_column(shape), shape.path.with_name(BESIDE)
+    other = find_other_mesh(beside, _corners(shape.file_mesh)) if beside.is_file() else None
+    if own is not None:
+        shape.refuse_count(f"{shape.name} has its own labels")
+        if beside.is_file() and other is None and _differs(shape, own, beside):
+            logger.warning(
+                "%s: its own labels are taken, which differ from those in %s; labels=%s takes those",
+                *(shape.name, beside, beside),
+            )
+        return own[shape.source_faces], f"file:{shape.path.name}"
+    if other is not None:
         logger.warning("%s: %s beside it follows the faces of %s and is passed over", shape.name, beside, other)
-        beside = None
-    if own is None:
-        return from_file(shape, beside) if beside is not None else None
-    shape.refuse_count(f"{shape.name} has its own labels")
-    if beside is not None and _differs(shape, own, beside):
-        message = "%s: has its own labels, which differ from those in %s: its own are taken; labels=%s takes the others"
-        logger.warning(message, shape.name, beside, beside)
-    return own[shape.source_faces], f"file:{shape.path.name}"
+        return None
+    return from_file(shape, beside) if beside.is_file() else None
 
 
 def _find_own_column(shape: UnlabelledShape) -> Int[ndarray, " g"] | None:

@@ -16,6 +16,7 @@ from jointsdf.errors import InputError
 from jointsdf.shapes.labels.array_files import read_array
 from jointsdf.shapes.labels.clustering import cluster_features
 from jointsdf.shapes.labels.face_matching import match_faces
+from jointsdf.shapes.readers.file_mesh import FileMesh
 from jointsdf.shapes.readers.mesh_file import read_mesh
 
 MOST = 18  # parts, where the user gives no number
@@ -42,14 +43,14 @@ class Output:
 
 
 def read_parts(
-    folder: Path | None, names: Sequence[str], corners: Float[ndarray, "f 3 3"], num_parts: int | None
+    folder: Path | None, names: Sequence[str], mesh: FileMesh, num_parts: int | None
 ) -> tuple[Int[ndarray, " f"], int]:
     """Read PartField's part of each face, or cluster its features where it has no parts of that number.
 
     Args:
         folder: PartField's output, searched with its subfolders; None where the user gave none.
         names: Names that PartField may have given to the mesh, see `possible_names`.
-        corners: Of the mesh's faces, file frame.
+        mesh: The mesh in its file.
         num_parts: Wanted number of parts. None for the most that its clustering offers up to 18, or 18.
 
     Returns:
@@ -59,7 +60,13 @@ def read_parts(
         InputError: No folder, nothing for this mesh in it, another mesh, damaged files, or no way to that many parts.
     """
     output = find_output(folder, names)
+    corners = mesh.vertices[mesh.faces]
     order = np.arange(len(corners))
+    if output.mesh is None and mesh.has_polygons:
+        raise InputError(
+            f"partfield_dir={folder} has no input_{names[0]}_0.ply, so it is unknown which triangles its parts are of: "
+            "the mesh has polygons; triangulate it and run PartField again"
+        )
     if output.mesh is not None:
         theirs = read_mesh(output.mesh)
         order = match_faces(str(output.mesh), theirs.vertices[theirs.faces], corners)

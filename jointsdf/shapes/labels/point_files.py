@@ -1,5 +1,6 @@
 """Labels of faces from labelled points on the surface: `.xyzc` files."""
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,9 @@ from jointsdf.values import UNLABELLED, LabelledMesh
 
 OFF_SURFACE = 0.01  # of the longest side: distance that 99 of 100 points keep below
 SHARE = 99  # percentile
+UNCOVERED = 0.1  # of the longest side: distance of a face's centre from the nearest point that is worth a warning
+
+logger = logging.getLogger(__name__)
 
 
 def read_point_labels(path: Path, mesh: FileMesh) -> Int[ndarray, " f"]:
@@ -37,7 +41,8 @@ def read_point_labels(path: Path, mesh: FileMesh) -> Int[ndarray, " f"]:
         )
     points, labels = table[:, :3], check_ids(source, table[:, -1])
     surface = LabelledMesh(mesh.vertices, mesh.faces, np.full(len(mesh.faces), UNLABELLED))
-    proper = LabelledMesh(mesh.vertices, mesh.faces[face_areas(surface) > 0], surface.labels[face_areas(surface) > 0])
+    has_area = face_areas(surface) > 0
+    proper = LabelledMesh(mesh.vertices, mesh.faces[has_area], surface.labels[has_area])
     size = float(np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0).max())
     if proper.is_empty or not np.isfinite(points).all():
         raise InputError(f"{source}: neither its points nor the mesh may be without extent or infinite")
@@ -46,4 +51,10 @@ def read_point_labels(path: Path, mesh: FileMesh) -> Int[ndarray, " f"]:
         raise InputError(
             f"{source} is of another mesh: its points lie up to {away:.2g} of the longest side away from this one"
         )
-    return labels[KDTree(points).query(mesh.vertices[mesh.faces].mean(axis=1))[1]]
+    reach, nearest = KDTree(points).query(mesh.vertices[mesh.faces].mean(axis=1))
+    if bare := int((reach > UNCOVERED * size).sum()):
+        logger.warning(
+            "%s: %d faces have no point within %g of the longest side; they take the label of the nearest one",
+            *(source, bare, UNCOVERED),
+        )
+    return labels[nearest]

@@ -9,12 +9,13 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from jointsdf.errors import InputError
+from jointsdf.errors import InputError, first_line
 from jointsdf.shapes.labels.array_files import read_bytes
 from jointsdf.shapes.labels.contents import decode_text, describe_content
 from jointsdf.shapes.labels.face_order import FORMAT
+from jointsdf.shapes.readers.formats import suffix_of
 
-NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?")
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 BETWEEN = re.compile(r"\s*[,;]\s*|\s+")
 RULE = "write one integer per line, or face and integer"
 BY_CONTENT = {"a .npy array": "name it .npy", "a zip archive (.npz?)": "name it .npz if it is one"}
@@ -29,7 +30,7 @@ def read_text(path: Path) -> Float[ndarray, " n"]:
         InputError: The file is no text, empty, or not of such lines.
     """
     source = f"labels file {path}"
-    rows = _parse_rows(source, _decode(path), names_allowed=path.suffix.lower() == ".csv")
+    rows = _parse_rows(source, _decode(path), names_allowed=suffix_of(path) == "csv")
     if rows.shape[1] == 2 and len(rows) > 1:
         return _order(source, rows[:, 0], rows[:, 1])
     if rows.shape[1] > 2 and len(rows) > 1:
@@ -57,7 +58,7 @@ def read_json(path: Path) -> Float[ndarray, " n"]:
     try:
         given = json.loads(_decode(path), object_pairs_hook=_refuse_repeated)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{source} is no JSON (truncated or damaged?): {rule}") from error
+        raise InputError(f"{source} is no JSON (truncated or damaged?), {first_line(error)}: {rule}") from error
     if isinstance(given, dict) and given.get("format") == FORMAT:
         raise InputError(f"{source} only says what {given.get('labels')} belongs to: give labels={given.get('labels')}")
     labels = given["labels"] if isinstance(given, dict) and "labels" in given else given
@@ -85,7 +86,7 @@ def _to_numbers(source: str, rule: str, given: list[Any]) -> Float[ndarray, " n"
 
 def _refuse_repeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found := dict(pairs)) < len(pairs):
-        raise ValueError("a key twice")
+        raise ValueError("it has a key twice")
     return found
 
 
