@@ -146,7 +146,7 @@ def test_labels_of_arrays_follow_the_faces_that_are_kept() -> None:
         ({"vertices": RING.vertices, "faces": RING.faces.astype(float)}, "faces of shape .* give integers"),
         ({"vertices": RING.vertices, "faces": RING.faces + 1}, "uses a vertex out of range"),
         ({"vertices": RING.vertices * np.nan, "faces": RING.faces}, "NaN or infinite"),
-        ({"vertices": RING.vertices, "faces": RING.faces, "labels": [1, 2]}, "labels of shape"),
+        ({"vertices": RING.vertices, "faces": RING.faces, "labels": [1, 2]}, "the array of labels has 2 labels"),
         ({"vertices": RING.vertices, "faces": RING.faces, "labels": "geometrik"}, "geometrik"),
         ({"source": "part_01", "labels": [1, 2]}, "is a provider or a label file"),
         ({"source": "nowhere.stl"}, "file not found: nowhere.stl"),

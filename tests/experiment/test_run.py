@@ -17,7 +17,17 @@ from jointsdf.shapes.builtin import BUILTINS
 from jointsdf.study.__main__ import main as study
 
 pytestmark = pytest.mark.filterwarnings("default")
-FILES = {"config.yaml", "field.ckpt", "labels.npy", "mesh.glb", "mesh.ply", "preview.png", "result.json", "tb"}
+FILES = {
+    "config.yaml",
+    "field.ckpt",
+    "labels.json",
+    "labels.npy",
+    "mesh.glb",
+    "mesh.ply",
+    "preview.png",
+    "result.json",
+    "tb",
+}
 
 
 def test_a_run_leaves_these_files_and_no_others():

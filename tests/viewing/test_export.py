@@ -17,7 +17,12 @@ def test_ply_and_labels_round_trip_exactly(tmp_path: Path) -> None:
     labels = np.random.default_rng(0).integers(-1, 90, len(ball.faces))
     mesh = LabelledMesh(ball.vertices / 3 + [1e5, 2e5, 3e5], ball.faces, labels)
     write_mesh(tmp_path / "run", mesh)
-    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["labels.npy", "mesh.glb", "mesh.ply"]
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
+        "labels.json",
+        "labels.npy",
+        "mesh.glb",
+        "mesh.ply",
+    ]
     read = trimesh.load_mesh(tmp_path / "run" / "mesh.ply", process=False)
     np.testing.assert_array_equal(read.vertices, mesh.vertices)
     np.testing.assert_array_equal(read.faces, mesh.faces)
@@ -46,7 +51,7 @@ def test_glb_has_one_coloured_node_per_part(tmp_path: Path) -> None:
 def test_empty_mesh_writes_a_valid_ply_and_labels(tmp_path: Path) -> None:
     write_mesh(tmp_path, box(by_side))
     write_mesh(tmp_path, EMPTY)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["labels.npy", "mesh.ply"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["labels.json", "labels.npy", "mesh.ply"]
     content = (tmp_path / "mesh.ply").read_bytes()
     assert content.endswith(b"end_header\n")
     assert b"element vertex 0\n" in content

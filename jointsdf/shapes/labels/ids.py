@@ -24,13 +24,15 @@ def check_ids(source: str, values: Shaped[ndarray, " n"]) -> Int[ndarray, " n"]:
     """
     if values.dtype.kind not in "biuf":
         raise InputError(f"{source} holds {values.dtype}: give integers, one part id for each face")
-    bad = ~np.isfinite(values) | (values < UNLABELLED) | (values > MOST_LABEL)
     if values.dtype.kind == "f":
-        bad |= values != np.round(values)
+        values = values.astype(np.float64)  # smaller floats round the largest id up
+    with np.errstate(invalid="ignore"):
+        bad = ~((values >= UNLABELLED) & (values <= MOST_LABEL) & (values == np.round(values)))
     if bad.any():
+        value = values[bad][0].item()
+        shown = int(value) if value == value // 1 else value
         raise InputError(
-            f"{source} holds {values[bad][0].item()!r}: part ids are integers from {UNLABELLED} (unlabelled) "
-            f"to {MOST_LABEL}"
+            f"{source} holds {shown}: part ids are integers from {UNLABELLED} (unlabelled) to {MOST_LABEL}"
         )
     return values.astype(np.int64)
 

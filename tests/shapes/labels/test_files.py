@@ -1,114 +1,79 @@
+"""Label files by their ending."""
+
+import gzip
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from solids import strip
+from mesh_files import BOX, SIDES, exported, put
 
 from jointsdf.errors import InputError
-from jointsdf.shapes.labels.files import number_by_area, read_labels
+from jointsdf.shapes.labels.files import read_labels
+from jointsdf.shapes.readers.file_mesh import FileMesh
+
+MESH = FileMesh(np.array(BOX.vertices), np.array(BOX.faces))
+PATCHES = np.repeat(np.arange(6), 2)
+TEXT = "\n".join(map(str, SIDES))
 
 
-def per_rectangle(labels: np.ndarray) -> list[int]:
-    assert (labels[::2] == labels[1::2]).all()
-    return labels[::2].tolist()
+def write(path: Path, labels: np.ndarray) -> Path:
+    """Write labels in the format that the name says."""
+    kind = path.suffix
+    if kind == ".npy":
+        np.save(path, labels)
+    elif kind == ".npz":
+        np.savez(path, labels)
+    elif kind == ".json":
+        path.write_text(json.dumps(labels.tolist()))
+    else:
+        path.write_text("\n".join(map(str, labels.tolist())))
+    return path
 
 
-def test_numbers_fall_with_area_and_keep_unlabelled() -> None:
-    mesh = strip([1, 5, 2, 9, 3], [40, 3, -1, 11, 3])
-    assert per_rectangle(number_by_area(mesh)) == [2, 1, -1, 0, 1]
-    assert per_rectangle(number_by_area(strip([1, 2], [-1, -1]))) == [-1, -1]
+@pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.txt", "a.csv", "a.json", "a.seg"])
+@pytest.mark.parametrize("kind", [np.int16, np.float32])
+def test_every_format_gives_the_same_labels(tmp_path: Path, name: str, kind: type) -> None:
+    assert (
+        read_labels(write(tmp_path / name, (SIDES * 50 - 1).astype(kind)), MESH).tolist() == (SIDES * 50 - 1).tolist()
+    )
 
 
-@pytest.mark.parametrize("dtype", [np.int8, np.int32, np.int64, np.uint16, ">i4"])
-@pytest.mark.parametrize("column", [False, True])
-def test_reads_any_integers_and_keeps_original_ids(tmp_path: Path, dtype: str, column: bool) -> None:
-    ids = np.array([0, 120, 7, 7], dtype=dtype)
-    np.save(tmp_path / "labels.npy", ids[:, None] if column else ids)
-    labels = read_labels(tmp_path / "labels.npy", 4)
-    assert labels.dtype == np.int64
-    assert labels.tolist() == [0, 120, 7, 7]
+def test_names_in_capitals_and_compressed_files(tmp_path: Path) -> None:
+    assert read_labels(put(tmp_path, "A.TXT", TEXT), MESH).tolist() == SIDES.tolist()
+    assert read_labels(put(tmp_path, "a.txt.gz", gzip.compress(TEXT.encode())), MESH).tolist() == SIDES.tolist()
+    with pytest.raises(InputError, match="is truncated: its gzip stream ends early"):
+        read_labels(put(tmp_path, "b.txt.gz", gzip.compress(TEXT.encode())[:-9]), MESH)
 
 
-BAD_LABELS = {
-    "wrong length": (np.arange(5), "5 labels, the mesh file has 12 faces"),
-    "below -1": (np.array([0] * 11 + [-2]), "holds -2"),
-    "float": (np.zeros(12), "float64"),
-    "boolean": (np.zeros(12, dtype=bool), "bool"),
-    "two columns": (np.zeros((12, 2), dtype=int), "shape (12, 2)"),
-    "a scalar": (np.array(3), "shape ()"),
-    "beyond int64": (np.full(12, 2**64 - 1, dtype=np.uint64), "64-bit"),
-    "pickled objects": (np.array([{}] * 12, dtype=object), "pickled"),
-}
+def test_seg_is_one_label_for_each_brep_face(tmp_path: Path) -> None:
+    path = put(tmp_path, "a.seg", "5\n4\n3\n2\n1\n0\n")
+    assert read_labels(path, MESH, PATCHES).tolist() == (5 - PATCHES).tolist()
 
 
-@pytest.mark.parametrize("case", BAD_LABELS)
-def test_bad_labels_are_one_line_that_names_the_file(tmp_path: Path, case: str) -> None:
-    array, message = BAD_LABELS[case]
-    path = tmp_path / "labels.npy"
-    np.save(path, array, allow_pickle=True)
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        (
+            "a.h5",
+            b"\x89HDF\r\n\x1a\n" + bytes(9),
+            "is an HDF5 file: read are .npy, .npz, .txt, .csv, .json, .seg, .xyzc",
+        ),
+        ("a.pkl", b"\x80\x04K\x01.", "is a Python pickle, which is never read: read are .npy"),
+        ("a.mat", b"MATLAB 5.0", "is a MATLAB file: read are"),
+        ("a", b"1\n2\n", "is text: read are"),
+        ("a.lbl", b"\x00\x80\xff", "is binary, of no known kind: read are"),
+        ("a.dat", exported("ply"), "is a mesh or CAD file (PLY): read are"),
+        ("a.png", b"\x89PNG\r\n", "is a picture: read are"),
+        ("a.npy.bak", b"", "is empty: read are"),
+        ("a.txt", b"1\n2\n3\n", "has 3 labels, the mesh has 12 faces, 8 vertices"),
+        ("a.txt", b"1\n-2\n3\n", "holds -2: part ids are integers from -1"),
+        ("a.json", b"[[1, 2]]", "holds '[1, 2]'"),
+    ],
+)
+def test_other_files_are_refused_by_what_they_are(tmp_path: Path, name: str, content: bytes, message: str) -> None:
+    path = put(tmp_path, name, content)
     with pytest.raises(InputError) as caught:
-        read_labels(path, 12)
-    assert message in str(caught.value)
-    assert str(path) in str(caught.value)
+        read_labels(path, MESH)
+    assert f"labels file {path} {message}" in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_damaged_label_files_are_input_errors_wherever_they_are_cut(tmp_path: Path) -> None:
-    path = tmp_path / "labels.npy"
-    np.save(path, np.arange(12))
-    whole = path.read_bytes()
-    for end in range(len(whole)):
-        path.write_bytes(whole[:end])
-        with pytest.raises(InputError, match="truncated"):
-            read_labels(path, 12)
-    for content in (b"0\n1\n2\n", b"\x00" * 200, b"PK\x03\x04 no archive"):
-        path.write_bytes(content)
-        with pytest.raises(InputError):
-            read_labels(path, 12)
-
-
-def test_an_archive_of_arrays_is_refused(tmp_path: Path) -> None:
-    np.savez(tmp_path / "labels.npz", np.arange(12))
-    with pytest.raises(InputError, match=r"no \.npy"):
-        read_labels(tmp_path / "labels.npz", 12)
-
-
-@pytest.mark.parametrize("content", ["0\n120\n-1\n7\n", "\ufeff0\r\n120\r\n-1\r\n7", "  0\n+120 \n-1\n7\n\n\n"])
-def test_reads_one_integer_per_line_of_a_text(tmp_path: Path, content: str) -> None:
-    path = tmp_path / "labels.TXT"
-    path.write_bytes(content.encode())
-    assert read_labels(path, 4).tolist() == [0, 120, -1, 7]
-
-
-BAD_TEXTS = {
-    "empty": ("", "is empty"),
-    "blank": ("\n \n", "is empty"),
-    "floats": ("1\n2\n0.5\n3\n", "has '0.5' in line 3: write one integer per line"),
-    "round floats": ("1.0\n2.0\n3.0\n4.0\n", "has '1.0' in line 1"),
-    "two in a line": ("1 2\n3 4\n", "has '1 2' in line 1"),
-    "a gap": ("1\n\n2\n3\n", "has '' in line 2"),
-    "words": ("shaft\nflange\nshaft\nshaft\n", "has 'shaft' in line 1"),
-    "another mesh's": ("1\n2\n3\n", "has 3 labels, the mesh file has 4 faces"),
-    "below -1": ("1\n2\n-2\n4\n", "holds -2"),
-    "beyond 64 bits": ("1\n2\n3\n99999999999999999999\n", "line 4"),
-    "other digits": ("1\n2\n3\n\u0664\n", "line 4"),
-    "underscores": ("1\n2\n3\n1_0\n", "line 4"),
-}
-
-
-@pytest.mark.parametrize("case", BAD_TEXTS)
-def test_bad_texts_are_one_line_that_names_the_file(tmp_path: Path, case: str) -> None:
-    content, message = BAD_TEXTS[case]
-    path = tmp_path / "labels.txt"
-    path.write_text(content, encoding="utf-8")
-    with pytest.raises(InputError) as caught:
-        read_labels(path, 4)
-    assert message in str(caught.value)
-    assert str(path) in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_bytes_that_are_no_text(tmp_path: Path) -> None:
-    (tmp_path / "labels.txt").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="is no text"):
-        read_labels(tmp_path / "labels.txt", 4)
