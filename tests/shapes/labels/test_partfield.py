@@ -10,6 +10,7 @@ from partfield_output import BAR, BY_AREA, ORDER, SECTION, TREE_IDS, in_partfiel
 from jointsdf import shapes
 from jointsdf.errors import InputError
 from jointsdf.shapes.labels import partfield
+from jointsdf.shapes.readers.mesh_file import read_mesh
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
@@ -46,6 +47,20 @@ def test_arrays_without_their_mesh_are_taken_in_the_files_order(bar: Path, tmp_p
     (tmp_path / "cluster_out").mkdir()
     np.save(tmp_path / "cluster_out" / "bar_0_04.npy", TREE_IDS[SECTION])
     np.testing.assert_array_equal(load(bar, tmp_path).mesh.labels, BY_AREA)
+
+
+def test_arrays_without_their_mesh_are_refused_for_polygons(tmp_path: Path) -> None:
+    faces = "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n"
+    box = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (0, 2) for z in (0, 3)) + faces
+    path = tmp_path / "bar.obj"
+    path.write_text(box)
+    (tmp_path / "cluster_out").mkdir()
+    np.save(tmp_path / "cluster_out" / "bar_0_02.npy", np.arange(12) % 2)
+    with pytest.raises(InputError, match=r"has no input_bar_0\.ply, .*: the mesh has polygons; triangulate it"):
+        load(path, tmp_path)
+    triangles = read_mesh(path)
+    trimesh.Trimesh(triangles.vertices, triangles.faces, process=False).export(tmp_path / "input_bar_0.ply")
+    assert load(path, tmp_path).label_provider == "partfield:k=2"
 
 
 def test_a_built_in_part_is_known_by_its_name(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 from importlib import resources
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import trimesh
 from mesh_files import SIDES, exported, load, put
 
 from jointsdf.errors import InputError
+from jointsdf.geometry.mesh import face_areas
 from jointsdf.shapes import abc
 from jointsdf.shapes.labels import providers
 
@@ -73,6 +75,61 @@ def test_more_parts_than_there_are_pieces_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"num_parts=1000000: this mesh can be cut into 1 to \d+ parts") as caught:
         load(put(tmp_path, "a.ply", exported("ply")), num_parts=10**6)
     assert "\n" not in str(caught.value)
+
+
+def drilled_plate(folder: Path, radius: float, thickness: float = 4.0) -> Path:
+    """A plate of 100 x 60 with a hole at each corner."""
+    plate = trimesh.creation.box((100, 60, thickness))
+    for x, y in product((-40, 40), (-24, 24)):
+        place = trimesh.transformations.translation_matrix((x, y, 0))
+        hole = trimesh.creation.cylinder(radius, 3 * thickness, sections=32, transform=place)
+        plate = trimesh.boolean.difference([plate, hole], engine="manifold")
+    return put(folder, "plate.ply", plate.export(file_type="ply"))
+
+
+def test_parts_that_divide_next_to_nothing_are_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = drilled_plate(tmp_path, radius=2.0)
+    shape = load(path, num_parts=5)
+    area = face_areas(shape.mesh)
+    shares = np.bincount(shape.mesh.labels, area) / area.sum()
+    assert shares.max() > 0.98
+    assert (shares[1:] < 0.004).all()
+    [record] = caplog.records
+    said = (
+        f"{path}: its 5 parts by geometry leave {100 * shares.max():.1f}% of the area in one, and 4 have less than 1%"
+    )
+    assert record.getMessage().startswith(f"{said}; num_parts=5 is natural; from num_parts=")
+    first = int(record.getMessage().split("from num_parts=")[1].split()[0])
+    for count, is_divided in ((first - 1, False), (first, True)):
+        labels = load(path, num_parts=count).mesh.labels
+        assert (np.bincount(labels, area).max() <= 0.9 * area.sum()) == is_divided
+    caplog.clear()
+    assert load(path).label_provider == "geometric:k=5"
+    assert "num_parts=5 is natural" in caplog.text
+
+
+def test_parts_of_some_area_are_not_remarked(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    load(drilled_plate(tmp_path, radius=9.0, thickness=20.0), num_parts=5)
+    load(put(tmp_path, "a.ply", exported("ply")), num_parts=2)
+    assert not caplog.records
+
+
+@pytest.mark.parametrize(
+    ("given", "stored"),
+    [
+        ("auto", "auto"),
+        ("a.ply", "{here}/a.ply"),
+        ("./a.ply:colour", "{here}/a.ply:colour"),
+        ("absent.ply:colour", "absent.ply:colour"),
+    ],
+)
+def test_stored_labels_are_those_of_any_working_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: str, stored: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    put(tmp_path, "a.ply", "")
+    put(tmp_path, "auto", "")
+    assert providers.absolute(given) == stored.format(here=tmp_path.resolve())
 
 
 @pytest.mark.parametrize("labels", ["mine.npy", "auto", "brep", "none", "part_01"])

@@ -55,6 +55,15 @@ def test_faces_of_no_patch_are_unlabelled_and_counted(tmp_path: Path, caplog: py
     assert (empty.patches.tolist(), empty.surfaces, empty.sharp_edges.shape) == ([-1] * 3, (), (0, 2))
 
 
+def test_curves_with_vertices_that_were_not_found_lose_those_edges_only(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    found = read_features(put(tmp_path, "a.yml", YML.replace("vert_indices: [2, 1,", "vert_indices: [2, -1,")), 4, 4)
+    assert found.patches.tolist() == [0, 1, 1, 0]
+    assert found.sharp_edges.tolist() == [[0, 1], [0, 2]], "0 to 1 is of the other curve"
+    assert "1 curves have vertices -1, which no mesh has: left out" in caplog.text
+
+
 LAUGHS = "a: &a [0]\n" + "".join(
     f"{b}: &{b} [{','.join(['*' + a] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
 )
@@ -76,6 +85,7 @@ BAD_FILES: dict[str, tuple[str | bytes, str]] = {
     "vertex beyond the mesh": (YML.replace("2, 2]", "2, 9]"), r"names vertex 9, the mesh has 0\.\.3"),
     "endless face": (YML.replace("[0, 3], type", f"[{'9' * 5000}], type"), "names face 99999999999999999999,"),
     "negative face": (YML.replace("[0, 3], type", "[-1], type"), "face indices are not a list of integers"),
+    "vertex below -1": (YML.replace("2, 2]", "2, -2]"), "vertex indices are not a list of integers"),
     "fraction of a face": (YML.replace("[0, 3], type", "[0.5], type"), "face indices are not a list of integers"),
     "a list of lists": (YML.replace("[0, 3], type", "[[0], 3], type"), "face indices are not a list of integers"),
     "one index": (YML.replace("[0, 3], type", "3, type"), "face indices are not a list of integers"),

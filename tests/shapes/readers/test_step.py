@@ -113,7 +113,7 @@ def test_which_labels_a_step_file_gets(tmp_path: Path, monkeypatch: pytest.Monke
     assert load(path, labels="auto").mesh.labels.tolist() == list(range(5, 17))
     assert load(path, labels="brep").label_provider == "brep"
     np.save(tmp_path / "labels.npy", np.arange(11))
-    with pytest.raises(InputError, match="11 labels, the mesh file has 12 faces"):
+    with pytest.raises(InputError, match="11 labels, the mesh has 12 triangles, 8 vertices, 6 B-rep faces"):
         load(path)
 
 

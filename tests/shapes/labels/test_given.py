@@ -1,0 +1,237 @@
+"""Labels that somebody gave: in the mesh file, beside it, in another file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from gltf_files import GltfFile
+from mesh_files import BOX, OFF, SIDES, exported, load, painted, put
+from scipy.spatial import KDTree
+from step_files import NEEDS_READER, TOUCHING, step_boxes
+
+from jointsdf.errors import InputError
+from jointsdf.shapes.labels.providers import provide
+from jointsdf.shapes.labels.unlabelled import UnlabelledShape
+from jointsdf.shapes.readers.triangles import read_triangles
+from jointsdf.values import LabelledMesh
+from jointsdf.viewing.export import write_mesh
+from jointsdf.viewing.part_mesh import PartMesh
+
+IDS = np.array([7, -1, 300, 2**31 - 1, 0, 5])[SIDES]
+AXES = np.abs(BOX.face_normals).argmax(axis=1)  # areas of the two sides along each axis: 24, 16, 12
+COLOURS = np.array([[9, 9, 200], [255, 0, 1], [255, 0, 0]], dtype=np.uint8)[AXES]
+SHUFFLED = np.random.default_rng(0).permutation(12)
+
+
+def assert_same_labels(ours: LabelledMesh, theirs: LabelledMesh) -> None:
+    """The faces of both are at the same places, with the same labels."""
+    centres, others = (mesh.vertices[mesh.faces].mean(axis=1) for mesh in (ours, theirs))
+    away, index = KDTree(others).query(centres)
+    assert away.max() < 1e-6 * np.ptp(others)
+    assert sorted(index) == list(range(len(theirs.faces)))
+    np.testing.assert_array_equal(ours.labels, theirs.labels[index])
+
+
+@pytest.mark.parametrize("name", ["mesh.ply", "mesh.glb"])
+@pytest.mark.parametrize("labels", ["auto", "mesh.ply", "mesh.glb", "labels.npy"])
+def test_what_the_program_writes_comes_back(
+    tmp_path: Path, name: str, labels: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    mesh = LabelledMesh(np.array(BOX.vertices), np.array(BOX.faces), IDS)
+    write_mesh(tmp_path, mesh)
+    given = labels if labels == "auto" else str(tmp_path / labels)
+    if (name, labels) == ("mesh.glb", "labels.npy"):  # its faces are sorted by part
+        with pytest.raises(InputError, match=r"follows the faces of mesh\.ply"):
+            load(tmp_path / name, labels=given)
+        return
+    shape = load(tmp_path / name, labels=given)
+    assert_same_labels(shape.mesh, mesh)
+    assert shape.label_provider == f"file:{name if labels == 'auto' else labels}"
+    assert "passed over" not in caplog.text
+    assert "differ" not in caplog.text
+
+
+@pytest.mark.parametrize("suffix", ["ply", "glb"])
+def test_an_exported_part_mesh_comes_back(tmp_path: Path, suffix: str) -> None:
+    shape = load("part_07")
+    mesh = PartMesh(shape.mesh.vertices, shape.mesh.faces, shape.mesh.labels * 3 + 30)
+    again = load(mesh.export(tmp_path / f"a.{suffix}"))
+    assert_same_labels(again.mesh, mesh)
+
+
+def test_own_labels_come_before_those_beside_the_file(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = put(tmp_path, "a.ply", painted(values=IDS))
+    np.save(tmp_path / "labels.npy", IDS)
+    shape = load(path)
+    assert (shape.label_provider, shape.mesh.labels.tolist()) == ("file:a.ply", IDS.tolist())
+    assert not caplog.records
+    np.save(tmp_path / "labels.npy", SIDES)
+    assert load(path).mesh.labels.tolist() == IDS.tolist()
+    assert f"its own labels are taken, which differ from those in {tmp_path / 'labels.npy'}" in caplog.text
+    caplog.clear()
+    assert load(path, labels=str(tmp_path / "labels.npy")).mesh.labels.tolist() == SIDES.tolist()
+    path.write_text(painted(values=np.full(12, -1)))
+    assert load(path).label_provider == "file:labels.npy", "a file without a labelled face has none"
+    with pytest.raises(InputError, match=r"num_parts=3: .*; leave num_parts out"):
+        load(put(tmp_path, "a.ply", painted(values=IDS)), num_parts=3)
+
+
+def test_own_labels_that_are_none_are_refused_by_value(tmp_path: Path) -> None:
+    for values, found in ((SIDES + 0.5, "holds "), (SIDES - 2, "holds -2"), (SIDES + 2.0**31, "holds 21474836")):
+        path = put(tmp_path, "a.ply", painted(values=values).replace("property int label", "property double label"))
+        with pytest.raises(InputError, match=rf"a\.ply: its face property label {found}.*labels=geometric leaves it"):
+            load(path)
+        assert load(path, labels="geometric").label_provider == "geometric:k=6"
+
+
+def test_colours_and_names_are_suggested_and_taken_by_falling_area(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = put(tmp_path, "a.ply", painted("colour", COLOURS))
+    assert load(path).label_provider == "geometric:k=6"
+    assert f"{path}: has 3 colours: labels={path}:colour takes them as parts" in caplog.text
+    caplog.clear()
+    taken = load(path, labels=f"{path}:colour")
+    assert (taken.label_provider, taken.mesh.labels.tolist()) == ("file:a.ply:colour", AXES.tolist())
+    assert load(path, labels=str(path)).mesh.labels.tolist() == AXES.tolist()
+    for labels in ("geometric", "none"):
+        load(path, labels=labels)
+    assert not caplog.records
+
+
+def test_any_property_of_a_ply_by_its_name(tmp_path: Path) -> None:
+    path = put(tmp_path, "a.ply", painted("quality", IDS))
+    assert load(path, labels=f"{path}:quality").mesh.labels.tolist() == IDS.tolist()
+    with pytest.raises(InputError, match=r"no column 'area' of its faces: .* quality \(6 values\)"):
+        load(path, labels=f"{path}:area")
+    np.save(tmp_path / "mine.npy", IDS)
+    with pytest.raises(InputError, match=r"only mesh and STEP files have columns; give labels=.*mine\.npy"):
+        load(path, labels=f"{tmp_path / 'mine.npy'}:area")
+    with pytest.raises(InputError, match=r"labels file not found: .*absent\.ply:quality"):
+        load(path, labels=str(tmp_path / "absent.ply:quality"))
+
+
+def test_labels_of_another_mesh_file_follow_the_place_of_its_faces(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path, other = put(tmp_path, "a.stl", exported("stl")), put(tmp_path, "b.ply", painted(values=IDS))
+    assert load(path, labels=str(other)).mesh.labels.tolist() == IDS.tolist()
+    assert "another order" not in caplog.text
+    other.write_text(painted(values=IDS, order=SHUFFLED))
+    shape = load(path, labels=str(other))
+    assert (shape.label_provider, shape.mesh.labels.tolist()) == ("file:b.ply", IDS.tolist())
+    assert "its faces are in another order" in caplog.text
+
+
+def obj(polygons: str) -> str:
+    lines = [f"v {x} {y} {z}" for x, y, z in BOX.vertices.tolist()]
+    return "\n".join(lines) + "\n" + polygons
+
+
+QUADS = obj(
+    "g caps\nusemtl red\nf 2 4 3 1\nf 7 8 6 5\ng walls\nusemtl red\nf 5 6 2 1\nf 4 8 7 3\nusemtl blue\n"
+    "f 3 7 5 1\nf 6 8 4 2\n"
+)
+
+
+def test_polygons_groups_and_materials_of_an_obj(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = put(tmp_path, "a.obj", QUADS)
+    assert load(path).label_provider == "geometric:k=6"
+    assert f"has 2 groups and 2 materials: labels={path}:group takes them" in caplog.text
+    assert load(path, labels=f"{path}:group").mesh.labels.tolist() == [1] * 4 + [0] * 8
+    assert load(path, labels=f"{path}:material").mesh.labels.tolist() == [0] * 8 + [1] * 4
+    np.save(tmp_path / "labels.npy", [9, 8, 7, 6, 5, 4])
+    assert load(path).mesh.labels.tolist() == np.repeat([9, 8, 7, 6, 5, 4], 2).tolist()
+    np.save(tmp_path / "labels.npy", np.arange(12))
+    assert load(path).mesh.labels.tolist() == list(range(12))
+    np.save(tmp_path / "labels.npy", np.arange(7))
+    with pytest.raises(InputError, match="has 7 labels, the mesh has 12 triangles, 6 polygons, 8 vertices"):
+        load(path)
+
+
+def test_labels_per_vertex_by_majority(tmp_path: Path) -> None:
+    path = put(tmp_path, "a.ply", exported("ply"))
+    top = BOX.vertices[:, 2] > 7
+    np.save(tmp_path / "labels.npy", top)
+    assert load(path).mesh.labels.tolist() == (top[BOX.faces].sum(axis=1) >= 2).astype(int).tolist()
+
+
+def test_colours_of_an_off_and_an_stl(tmp_path: Path) -> None:
+    rows = [
+        f"3 {a} {b} {c} {red} {green} {blue}" for (a, b, c), (red, green, blue) in zip(BOX.faces, COLOURS, strict=True)
+    ]
+    points = [f"{x} {y} {z}" for x, y, z in BOX.vertices.tolist()]
+    path = put(tmp_path, "a.off", "\n".join(["OFF", "8 12 0", *points, *rows]) + "\n")
+    assert load(path, labels=str(path)).mesh.labels.tolist() == AXES.tolist()
+    plain = put(tmp_path, "b.off", OFF)
+    with pytest.raises(InputError, match=r"b\.off has no part labels: neither a column label .*, nor colours"):
+        load(plain, labels=str(plain))
+    stl = exported("stl")
+    words = 0x8000 | np.array([1, 2, 3])[AXES]
+    data = bytearray(stl)
+    for face, word in enumerate(words):
+        data[84 + 50 * face + 48 : 84 + 50 * face + 50] = int(word).to_bytes(2, "little")
+    path = put(tmp_path, "a.stl", bytes(data))
+    assert load(path, labels=f"{path}:colour").mesh.labels.tolist() == AXES.tolist()
+
+
+def test_nodes_of_a_foreign_glb_are_suggested(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    file = GltfFile()
+    for name, axes in (("shaft", [2]), ("flange", [0, 1])):
+        used = BOX.triangles[np.isin(AXES, axes)].reshape(-1, 3).astype(np.float32)
+        file.node(name=name, mesh=file.mesh(file.primitive(used)))
+    path = put(tmp_path, "a.glb", file.glb())
+    assert load(path).label_provider.startswith("geometric")
+    assert f"has 2 nodes: labels={path}:node takes them" in caplog.text
+    assert load(path, labels=f"{path}:node").mesh.labels.tolist() == [1] * 4 + [0] * 8
+
+
+@NEEDS_READER
+def test_faces_bodies_and_colours_of_a_step_file(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = put(tmp_path, "a.step", step_boxes(TOUCHING, painted=2))
+    found, patches = read_triangles(path)
+    solid = LabelledMesh(found.vertices, found.faces[::-1], np.full(24, -1))
+    shape = UnlabelledShape(str(path), found, solid, np.arange(24)[::-1], path=path, patches=patches)
+    provide("auto", shape)
+    assert "has 2 bodies and 2 colours" in caplog.text
+    segments = put(tmp_path, "a.seg", "\n".join(map(str, range(40, 52))))
+    for labels, expected in (
+        (f"{path}:body", [1] * 12 + [0] * 12),
+        (f"{path}:face", np.repeat(np.arange(12), 2)),
+        (f"{path}:colour", np.isin(np.arange(24), [4, 5])),
+        (str(segments), np.repeat(np.arange(40, 52), 2)),
+    ):
+        given, provider = provide(labels, shape)
+        np.testing.assert_array_equal(given[::-1], expected)
+        assert provider == f"file:{Path(labels).name}"
+
+
+BAD_PLY_LABELS: dict[str, tuple[bytes | str, str]] = {
+    "no colours": (exported("ply"), "has no part labels: neither a column label of its faces, nor colours"),
+    "fractions": (painted(values=SIDES + 0.5), "its column label holds "),
+    "below -1": (painted(values=SIDES - 2), "its column label holds -2"),
+    "two faces fewer": (
+        painted().replace("element face 12", "element face 10").rsplit("\n", 3)[0] + "\n",
+        "has 10 faces, the mesh has 12: it is of another mesh",
+    ),
+    "another mesh": (painted().replace("6.0", "7.5"), "is of another mesh: of its 12 faces and the mesh's 12"),
+    "cut": (painted()[:-30], "truncated"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_PLY_LABELS)
+def test_bad_labels_in_a_ply_are_one_line_that_names_it(tmp_path: Path, case: str) -> None:
+    content, message = BAD_PLY_LABELS[case]
+    path, given = put(tmp_path, "a.ply", exported("ply")), put(tmp_path, "b.ply", content)
+    with pytest.raises(InputError) as caught:
+        load(path, labels=str(given))
+    assert message in str(caught.value)
+    assert str(given) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_face_colours_of_another_binary_file(tmp_path: Path) -> None:
+    coloured = trimesh.Trimesh(BOX.vertices, BOX.faces[::-1], process=False, face_colors=COLOURS[::-1])
+    given = put(tmp_path, "b.ply", coloured.export(file_type="ply"))
+    assert load(put(tmp_path, "a.ply", exported("ply")), labels=str(given)).mesh.labels.tolist() == AXES.tolist()
