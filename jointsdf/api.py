@@ -77,7 +77,7 @@ def load_shape(
         vertices: Positions, shape (v, 3), instead of `source`.
         faces: Vertex indices of triangles, shape (f, 3), with `vertices`.
         labels: `auto` (the shape's own, else geometric segmentation), `geometric`, `brep`, `partfield`, `none`, a label
-            file; or with arrays one integer per face.
+            file, `<mesh file>:<column>`; or with arrays one integer per face or vertex.
         num_parts: Number of parts, for a provider that can choose.
         partfield_dir: PartField's output folder, for `labels="partfield"`.
         abc_root: Folder of the ABC shapes; `$JOINTSDF_ABC`, else `data/abc`.

@@ -11,6 +11,8 @@ from jointsdf.values import Shape
 
 BOX = trimesh.creation.box((2.0, 3.0, 4.0), transform=trimesh.transformations.translation_matrix((5, 6, 7)))
 SIDES = np.unique(np.round(BOX.face_normals), axis=0, return_inverse=True)[1].ravel()
+AXES = np.abs(BOX.face_normals).argmax(axis=1)  # areas of the two sides along each axis: 24, 16, 12
+COLOURS = np.array([[9, 9, 200], [255, 0, 1], [255, 0, 0]], dtype=np.uint8)[AXES]
 TETRA_VERTICES = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
 TETRA_FACES = "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n"
 PLY_HEADER = (
