@@ -4,6 +4,7 @@ import io
 import logging
 import os
 import re
+import resource
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -40,9 +41,10 @@ class Limits:
         return min(self.most_seconds, self.seconds + self.seconds_per_megabyte * size / 1e6)
 
     def bytes_here(self) -> int:
-        """Bytes on this machine."""
+        """Bytes on this machine, under the limit of this process (`ulimit -v`) where that is less."""
         machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-        return min(self.memory, int(self.memory_share * machine))
+        granted = [limit for limit in resource.getrlimit(resource.RLIMIT_AS) if limit != resource.RLIM_INFINITY]
+        return min(self.memory, int(self.memory_share * machine), *granted)
 
 
 LIMITS = Limits()

@@ -1,5 +1,6 @@
 """The CAD kernel in its process: crashes and limits."""
 
+import resource
 import sys
 from pathlib import Path
 
@@ -41,6 +42,12 @@ def test_what_the_kernel_does_not_survive_is_one_line(
 
 def test_seconds_grow_with_the_file_up_to_a_limit() -> None:
     assert [Limits().seconds_for(size) for size in (0, 1_000_000, 10**9)] == [60, 120, 600]
+
+
+def test_memory_is_no_more_than_this_process_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    granted = {resource.RLIMIT_AS: (resource.RLIM_INFINITY, 3 << 30)}
+    monkeypatch.setattr(resource, "getrlimit", granted.__getitem__)
+    assert [Limits(memory=memory << 30).bytes_here() >> 30 for memory in (1, 8)] == [1, 3]
 
 
 @NEEDS_READER
