@@ -46,7 +46,9 @@ def from_file(shape: UnlabelledShape, path: Path, column: str | None = None) -> 
             f"labels file {path} follows the faces of {other}, and {shape.name} has others or another order: "
             f"give labels={path.with_name(other)}, whose faces are found by their place"
         )
-    return read_labels(path, shape.file_mesh, shape.patches)[shape.source_faces], provider
+    labels = read_labels(path, shape.file_mesh, shape.patches)
+    _warn_of_other_order(shape, path, labels)
+    return labels[shape.source_faces], provider
 
 
 def find_own(shape: UnlabelledShape) -> Labels | None:
@@ -74,6 +76,19 @@ def find_own(shape: UnlabelledShape) -> Labels | None:
         logger.warning("%s: %s beside it follows the faces of %s and is passed over", shape.name, beside, other)
         return None
     return from_file(shape, beside) if beside.is_file() else None
+
+
+def _warn_of_other_order(shape: UnlabelledShape, path: Path, labels: Int[ndarray, " g"]) -> None:
+    """Warn where the mesh file holds the same labels, each as often, for other faces."""
+    if OWN_LABELS not in shape.file_mesh.columns:
+        return
+    own = shape.file_mesh.columns[OWN_LABELS].values
+    if not np.array_equal(own, labels) and np.array_equal(np.sort(own), np.sort(labels)):
+        logger.warning(
+            "%s: labels file %s holds the labels of the mesh file itself for other faces, which suggests another order "
+            "of faces; labels=auto takes the file's own",
+            *(shape.name, path),
+        )
 
 
 def _find_own_column(shape: UnlabelledShape) -> Int[ndarray, " g"] | None:

@@ -107,6 +107,11 @@ def test_polygons_groups_and_materials_of_an_obj(tmp_path: Path, caplog: pytest.
     assert f"has 2 groups and 2 materials: labels={path}:group takes them" in caplog.text
     assert load(path, labels=f"{path}:group").mesh.labels.tolist() == [1] * 4 + [0] * 8
     assert load(path, labels=f"{path}:material").mesh.labels.tolist() == [0] * 8 + [1] * 4
+    features = (
+        "curves: []\nsurfaces:\n- {face_indices: [0, 1], type: Plane}\n- {face_indices: [2, 3, 4, 5], type: Plane}\n"
+    )
+    by_patch = load(path, labels=str(put(tmp_path, "a.yml", features)))
+    assert by_patch.mesh.labels.tolist() == [0] * 4 + [1] * 8, "the patches are of the polygons"
     np.save(tmp_path / "labels.npy", [9, 8, 7, 6, 5, 4])
     assert load(path).mesh.labels.tolist() == np.repeat([9, 8, 7, 6, 5, 4], 2).tolist()
     np.save(tmp_path / "labels.npy", np.arange(12))

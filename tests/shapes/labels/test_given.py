@@ -70,6 +70,15 @@ def test_own_labels_come_before_those_beside_the_file(tmp_path: Path, caplog: py
         load(put(tmp_path, "a.ply", painted(values=IDS)), num_parts=3)
 
 
+def test_own_labels_in_another_order_are_suspected(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path, given = put(tmp_path, "a.ply", painted(values=IDS)), tmp_path / "mine.npy"
+    for labels, is_suspected in ((IDS, False), (SIDES, False), (IDS[SHUFFLED], True)):
+        np.save(given, labels)
+        caplog.clear()
+        assert load(path, labels=str(given)).mesh.labels.tolist() == labels.tolist()
+        assert ("which suggests another order of faces" in caplog.text) == is_suspected
+
+
 def test_own_labels_that_are_none_are_refused_by_value(tmp_path: Path) -> None:
     for values, found in ((SIDES + 0.5, "holds "), (SIDES - 2, "holds -2"), (SIDES + 2.0**31, "holds 21474836")):
         path = put(tmp_path, "a.ply", painted(values=values).replace("property int label", "property double label"))
