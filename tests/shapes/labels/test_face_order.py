@@ -9,7 +9,7 @@ from labelled_meshes import sphere
 from mesh_files import BOX, SIDES, exported, load, put
 
 from jointsdf.errors import InputError
-from jointsdf.shapes.labels.face_order import find_other_mesh
+from jointsdf.shapes.labels.face_order import find_other_mesh, order_record
 from jointsdf.values import LabelledMesh
 from jointsdf.viewing.export import write_mesh
 
@@ -48,6 +48,14 @@ def test_large_meshes_are_known_by_some_of_their_faces(tmp_path: Path) -> None:
     assert find_other_mesh(tmp_path / "labels.npy", corners) is None
     for other in (corners[::-1], np.roll(corners, 1, axis=0), corners[np.argsort(ball.labels, kind="stable")]):
         assert find_other_mesh(tmp_path / "labels.npy", other) == "mesh.ply"
+
+
+def test_another_number_of_equal_faces_is_another_mesh(tmp_path: Path) -> None:
+    equal = np.repeat(CORNERS[:1], 600, axis=0)
+    path = put(tmp_path, "labels.npy", "any")
+    put(tmp_path, "labels.json", order_record("mesh.ply", path.name, b"any", equal))
+    assert find_other_mesh(path, equal) is None
+    assert find_other_mesh(path, equal[1:]) == "mesh.ply"
 
 
 @pytest.mark.parametrize("case", ["own labels", "no record", "renamed", "another record", "damaged", "a list"])
