@@ -29,6 +29,7 @@ def test_a_column_follows_an_existing_file(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.chdir(tmp_path)
     put(tmp_path, "a.ply", "")
     put(tmp_path, "b:c.ply", "")
+    put(tmp_path, "b", "")
     assert split_column("a.ply") == (Path("a.ply"), None)
     assert split_column("a.ply:colour") == (Path("a.ply"), "colour")
     assert split_column("a.ply:x:y") == (Path("a.ply"), "x:y")
