@@ -64,7 +64,15 @@ def from_arrays(
         found, provider = _check_labels(labels, len(triangles))[solid.source_faces], "array"
     dropped = len(triangles) - len(solid.faces)
     return Shape(
-        called, replace(mesh, labels=found), digest, provider, solid.watertight, flipped=solid.flipped, dropped=dropped
+        called,
+        replace(mesh, labels=found),
+        digest,
+        provider,
+        solid.watertight,
+        flipped=solid.flipped,
+        dropped=dropped,
+        folded=solid.folded,
+        welded=solid.welded,
     )
 
 
