@@ -19,7 +19,8 @@ from jointsdf.geometry.topology import (
 )
 from jointsdf.shapes.doubling import find_twins
 from jointsdf.shapes.nesting import nesting_depth
-from jointsdf.shapes.visibility import find_inverted
+from jointsdf.shapes.partitions import wind_partitions
+from jointsdf.shapes.visibility import vote_on_sides
 
 logger = logging.getLogger(__name__)
 
@@ -100,9 +101,10 @@ def _find_inverted(source: str, vertices: ndarray, patches: Patches) -> Bool[nda
     sheets = ~patches.closed & ~patches.one_sided
     inverted = np.zeros(len(bodies), dtype=bool)
     if sheets.any():
-        flat = find_twins(patches.faces) >= 0
-        votes = find_inverted(vertices, patches.faces, patches.number, flat)
-        inverted = votes & sheets & (np.bincount(patches.number, flat) == 0)
+        votes = vote_on_sides(vertices, patches.faces, patches.number, find_twins(patches.faces) >= 0)
+        inverted = sheets & (votes < 0)
+        wound = np.where(inverted[patches.number][:, None], patches.faces[:, ::-1], patches.faces)
+        inverted |= wind_partitions(wound, patches.number, sheets & (votes == 0))
     volumes = component_volumes(vertices, patches.faces, patches.number)
     inward, depth = bodies & (volumes < 0), np.zeros(len(bodies), dtype=np.int64)
     if np.count_nonzero(bodies) and len(bodies) > 1:

@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from jointsdf.errors import InputError
 from jointsdf.geometry.topology import count_components, is_closed
-from jointsdf.shapes.doubling import find_doubled
+from jointsdf.shapes.doubling import find_doubled, find_repeated
 from jointsdf.shapes.orientation import orient
 from jointsdf.shapes.overlaps import examine_sides, is_folded
 from jointsdf.shapes.welding import weld
@@ -121,15 +121,11 @@ def _first_at_position(vertices: Float[ndarray, "v 3"]) -> Int[ndarray, " v"]:
 
 
 def _find_distinct(source: str, faces: Int[ndarray, "f 3"]) -> Int[ndarray, " k"]:
-    """Find the faces that do not repeat an earlier one of the same winding."""
-    turned = (np.argmin(faces, axis=1)[:, None] + np.arange(3)) % 3
-    faces = np.take_along_axis(faces, turned, axis=1)
-    order = np.lexsort(faces.T)
-    first = np.ones(len(faces), dtype=bool)
-    first[order[1:]] = (faces[order[1:]] != faces[order[:-1]]).any(axis=1)
-    if repeated := int((~first).sum()):
-        logger.warning("%s: %d repeated faces dropped with their labels", source, repeated)
-    return np.flatnonzero(first)
+    """Find the faces that are not repeated."""
+    repeated = find_repeated(faces)
+    if repeated.any():
+        logger.warning("%s: %d repeated faces dropped with their labels", source, repeated.sum())
+    return np.flatnonzero(~repeated)
 
 
 def _find_proper(source: str, vertices: ndarray, faces: ndarray, size: float) -> Int[ndarray, " k"]:

@@ -9,24 +9,25 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from jointsdf.geometry.rays import successive_hits
+from jointsdf.geometry.rays import ray_hits, successive_hits
 
 LINES = 100_000  # over all patches
 FEWEST, LARGEST = 8, 1000  # lines of one patch
 LIFT = 2e-6  # of the starts from the surface, of the longest side
-DEVIATIONS = 3  # standard deviations of the votes beyond which a patch is turned
+DEVIATIONS = 3  # standard deviations of the votes beyond which they are clear
+ALIKE = 0.01  # relative difference of the areas of two patches at one place at most
 
 
-def find_inverted(
-    vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], patch: Int[ndarray, " f"], flat: Bool[ndarray, " f"]
-) -> Bool[ndarray, " p"]:
-    """Find the patches whose winding is clearly inside out: more rays from their inner side start outside.
+def vote_on_sides(
+    vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], patch: Int[ndarray, " f"], twins: Bool[ndarray, " f"]
+) -> Int[ndarray, " p"]:
+    """Find for each patch whether it is clearly wound outward: 1; inside out: -1; or the same on both sides: 0.
 
     Args:
         vertices: Positions.
         faces: Vertex indices, none degenerate.
         patch: Patch of each face, numbered from 0; within one they agree about the outside.
-        flat: Faces that stop no ray: both sides of a sheet at one place.
+        twins: Faces that are there twice. Both sides of a sheet at one place stop no ray, and have no outer side.
     """
     count = int(patch.max()) + 1
     lines = int(np.clip(LINES // count, FEWEST, LARGEST))
@@ -37,11 +38,32 @@ def find_inverted(
     directions = generator.standard_normal(points.shape)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     directions *= np.where(np.einsum("ij,ij->i", directions, normals) < 0, -1, 1)[:, None]
-    blocking = corners[~flat]
+    flat = (np.bincount(patch, twins) > 0) | _find_coincident(corners, patch, points, normals)
+    blocking = corners[~flat[patch]]
     outer = _starts_outside(blocking, points + LIFT * normals, directions)
     inner = _starts_outside(blocking, points - LIFT * normals, -directions)
     votes = (outer.astype(int) - inner).reshape(count, lines).sum(axis=1)
-    return votes < -DEVIATIONS * np.sqrt(lines / 2)
+    return np.where(flat | (np.abs(votes) <= DEVIATIONS * np.sqrt(lines / 2)), 0, np.sign(votes))
+
+
+def _find_coincident(
+    corners: Float[ndarray, "f 3 3"],
+    patch: Int[ndarray, " f"],
+    points: Float[ndarray, "n 3"],
+    normals: Float[ndarray, "n 3"],
+) -> Bool[ndarray, " p"]:
+    """Find the patches at whose place is another one of the same area: most rays onto the one meet the other."""
+    count = int(patch.max()) + 1
+    own = np.repeat(np.arange(count), len(points) // count)
+    lengths, hit = ray_hits(corners, points + LIFT * normals, -normals)
+    met = np.where(lengths < 2 * LIFT, patch[hit], own)
+    a, b, c = corners.swapaxes(0, 1)
+    areas = np.bincount(patch, np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    foreign = (met != own) & (np.abs(areas[met] - areas[own]) < ALIKE * areas[own])
+    one = np.bincount(own, foreign, minlength=count) > 0.5 * len(points) / count
+    found = one.copy()
+    found[met[foreign & one[own]]] = True
+    return found
 
 
 def _draw_in_patches(
