@@ -46,3 +46,23 @@ def test_an_open_box_with_both_sides_is_one_sheet_and_wound_outward() -> None:
     normals = trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False).face_normals
     centres = shape.mesh.vertices[shape.mesh.faces].mean(axis=1)
     assert (np.einsum("ij,ij->i", normals, centres) > 0).all()
+
+
+@pytest.mark.parametrize("windings", [(1, 1), (1, -1), (1, 1, 1), (1, -1, 1), (1, -1, 1, -1)])
+@pytest.mark.parametrize("lid", [True, False])
+def test_copies_of_any_winding_and_number_are_one_surface(windings: tuple[int, ...], lid: bool) -> None:
+    solid = box(1.0)
+    if not lid:
+        solid.update_faces(solid.face_normals[:, 2] < 0.5)
+    vertices, faces = joined(solid)
+    shape = loaded(vertices, np.concatenate([faces[:, ::winding] for winding in windings]))
+    assert (len(shape.mesh.faces), shape.dropped) == (len(faces), (len(windings) - 1) * len(faces))
+    assert wrong_signs(shape, in_box(1.0)) == 0
+
+
+def test_both_sides_wound_at_random_are_one_body() -> None:
+    vertices, faces = joined(trimesh.creation.icosphere(2))
+    both = np.concatenate([faces, faces[:, ::-1]])
+    turned = np.random.default_rng(0).random(len(both)) < 0.5
+    shape = loaded(vertices, np.where(turned[:, None], both[:, ::-1], both))
+    assert (shape.watertight, len(shape.mesh.faces)) == (True, len(faces))

@@ -89,20 +89,20 @@ def test_a_hundred_balls_half_of_them_inside_out(caplog: pytest.LogCaptureFixtur
         ball.invert()
     shape = loaded(*joined(*balls))
     assert "50 of 100 components were inside out" in caplog.text
-    points = points_about(shape)
+    points = points_about(shape, 5000)
     exact = igl.winding_number(shape.mesh.vertices, shape.mesh.faces, points)
     apart = np.linalg.norm(points[:, None] - middles, axis=2).min(axis=1)
     assert (exact[apart < 0.25] > 0.5).all()
     np.testing.assert_array_equal(signed(shape, points) < 0, exact > 0.5)
 
 
-def test_balls_with_cavities_a_thousand_of_them_are_wound_right() -> None:
-    middles = np.stack(np.unravel_index(np.arange(1000), (10, 10, 10)), axis=1) * 1.0
+def test_balls_with_cavities_hundreds_of_them_are_wound_right() -> None:
+    middles = np.stack(np.unravel_index(np.arange(343), (7, 7, 7)), axis=1) * 1.0
     ball, hole = trimesh.creation.icosphere(1, 0.4), trimesh.creation.icosphere(1, 0.2)
     shape = loaded(*joined(*(part.copy().apply_translation(at) for at in middles for part in (ball, hole))))
     solid = trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False)
-    assert shape.flipped == 1000 * len(hole.faces)
-    assert solid.volume == pytest.approx(1000 * (ball.volume - hole.volume))
+    assert shape.flipped == 343 * len(hole.faces)
+    assert solid.volume == pytest.approx(343 * (ball.volume - hole.volume))
 
 
 def mixed(faces: np.ndarray) -> np.ndarray:
