@@ -104,8 +104,10 @@ class Shape:
         label_provider: Source of the labels, e.g. `file:labels.npy`, `brep`, `geometric:k=7`, `builtin`, `none`.
         watertight: Whether every edge has exactly two faces; if not, signs come from the winding number.
         flipped: Number of the file's faces whose orientation was reversed.
-        dropped: Number of the file's faces left out: repeated, or without area.
+        dropped: Number of the file's faces left out: repeated, doubled with the opposite winding, or without area.
         unit: Of the file frame.
+        folded: Whether watertight faces overlap or fold over, so that signs come from the winding number all the same.
+        welded: Number of vertices that were moved to another one, nearly at the same place.
     """
 
     name: str
@@ -116,6 +118,8 @@ class Shape:
     flipped: int = 0
     dropped: int = 0
     unit: Unit = ASSUMED_UNIT
+    folded: bool = False
+    welded: int = 0
 
     @property
     def labels_sha256(self) -> str:

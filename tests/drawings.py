@@ -47,4 +47,4 @@ def labelled(scale: float = 1.0) -> LabelledMesh:
 
 
 def pair(predicted: LabelledMesh) -> Pair:
-    return Pair(Shape("box", labelled(), "sha", "builtin", True, 0, 0), predicted)
+    return Pair(Shape("box", labelled(), "sha", "builtin", True), predicted)

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from benchmarks import __main__ as command
-from benchmarks import extraction, fit, limits, measures, overhead, progress, quality, step
+from benchmarks import extraction, fit, limits, measures, overhead, progress, quality, signs, step
 from benchmarks.scene import composed
 from benchmarks.table import Row, interleaved, table
 from jointsdf.experiment.run import run
@@ -140,3 +140,10 @@ def test_libigls_octree_is_compared_by_every_way() -> None:
     rows = extraction.octree_rows({"part_01": 24}, repetitions=1, overrides=(*SMALL, "trainer.max_steps=2"))
     assert [row.unit for row in rows] == ["s", "points", "vertices", "edges"] * 3
     assert rows[-2].ours == rows[-2].theirs, "followed our way, the octree gives our mesh"
+
+
+def test_signs_are_counted_against_the_exact_winding_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("JOINTSDF_ABC", raising=False)
+    rows = signs.rows(points=200, most=2)
+    assert [(row.ours, row.theirs) for row in rows] == [(0, 400), (0, 200)] * 3
+    assert {row.what for row in rows} == {"signs at 200 points of 2 built-in parts"}

@@ -35,7 +35,7 @@ def reference_scores(
     if cache_dir is None:
         return truth.references(ceiling_mesh(shape, extraction, normalisation))
     facts = {
-        "shape": [shape.mesh_sha256, shape.labels_sha256, shape.watertight],
+        "shape": [shape.mesh_sha256, shape.labels_sha256, shape.watertight, shape.folded],
         "measures": [repr(extraction), repr(dict(truth.protocols))],
         "frame": [*normalisation.centre.tolist(), normalisation.scale],
         "code": [code_state().sha256, *map(metadata.version, LIBRARIES)],

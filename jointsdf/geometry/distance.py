@@ -3,8 +3,8 @@
 The sign of a watertight mesh comes from the angle-weighted pseudonormal (Baerentzen and Aanaes, "Signed distance
 computation using the angle weighted pseudonormal", TVCG 2005), exact where the mesh does not fold over itself. A fold
 turns the sign of all the space that it is nearest to, so points that no surface separates vote on theirs. The sign of
-any other mesh comes from the fast winding number (Barill et al., SIGGRAPH 2018): right away from the holes, a guess
-near them.
+any other mesh, and of closed bodies that overlap, comes from the fast winding number (Barill et al., SIGGRAPH 2018):
+right away from the holes, a guess near them.
 """
 
 from dataclasses import replace
@@ -16,6 +16,7 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from jointsdf.geometry.topology import components
+from jointsdf.geometry.winding import WindingNumber
 from jointsdf.values import LabelledMesh, Normalisation, Shape
 
 # Distances from which signs are put to the vote, of the longest side; from the second where the first found a fold.
@@ -24,7 +25,6 @@ NEIGHBOURS = 6  # of a point, itself included, in the vote
 PIECES = 100_000  # faces of the search tree at most, unless the mesh itself has more
 LONG = 1 / 8  # edge above which a face is split, of the longest side
 BINS = np.uint16(40)  # along each axis, their cube within 16 bits; points of one visit the same branches of a tree
-INSIDE = 0.5  # winding number above which a point is inside
 
 
 class ClosestPoint:
@@ -63,11 +63,14 @@ class ExactDistance:
     Args:
         mesh: The surface. Faces counter-clockwise seen from outside, no degenerate face, at least one.
         watertight: Whether every edge has exactly two faces: pseudonormal, else winding number.
+        folded: Whether such faces overlap or fold over: winding number all the same.
     """
 
-    def __init__(self, mesh: LabelledMesh, *, watertight: bool) -> None:
+    def __init__(self, mesh: LabelledMesh, *, watertight: bool, folded: bool = False) -> None:
         self.closest = ClosestPoint(mesh)
-        self.watertight = watertight
+        self._winding_number = None
+        if folded or not watertight:
+            self._winding_number = WindingNumber(self.closest.vertices, self.closest.faces)
 
     def signed(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """Distance to the closest point of the surface, negative inside.
@@ -75,7 +78,11 @@ class ExactDistance:
         Args:
             points: In the frame of the mesh's vertices.
         """
-        return self._pseudonormal(points) if self.watertight else self._winding(points)
+        if self._winding_number is None:
+            return self._pseudonormal(points)
+        # libigl's own fast-winding distance scales the value by 1 - 2w, and w is approximate: only its sign is used.
+        distances, _ = self.closest.query(points)
+        return np.where(self._winding_number.encloses(_ordered(points, slice(None))), -1.0, 1.0) * distances
 
     def closest_face(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
         """Index of the face that holds the closest point of the surface.
@@ -100,12 +107,6 @@ class ExactDistance:
             distances[far] = found
         return distances
 
-    def _winding(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-        # libigl's own fast-winding distance scales the value by 1 - 2w, and w is approximate: only its sign is used.
-        distances, _ = self.closest.query(points)
-        winding = igl.fast_winding_number(self.closest.vertices, self.closest.faces, _ordered(points, slice(None)))
-        return np.where(winding > INSIDE, -1.0, 1.0) * distances
-
 
 def network_distance(shape: Shape, normalisation: Normalisation) -> ExactDistance:
     """Exact signed distance of a shape in the network frame.
@@ -115,7 +116,7 @@ def network_distance(shape: Shape, normalisation: Normalisation) -> ExactDistanc
         normalisation: File frame -> network frame.
     """
     vertices = normalisation.forward(shape.mesh.vertices)
-    return ExactDistance(replace(shape.mesh, vertices=vertices), watertight=shape.watertight)
+    return ExactDistance(replace(shape.mesh, vertices=vertices), watertight=shape.watertight, folded=shape.folded)
 
 
 def vote_on_signs(points: Float[ndarray, "n 3"], distances: Float[ndarray, " n"]) -> Float[ndarray, " n"]:

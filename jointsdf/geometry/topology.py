@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from jointsdf.geometry.caching import cached_by_identity
-from jointsdf.geometry.mesh import edge_keys
+from jointsdf.geometry.mesh import edge_keys, edge_uses
 from jointsdf.values import LabelledMesh
 
 
@@ -38,9 +38,33 @@ def face_components(faces: Int[ndarray, "f 3"]) -> Int[ndarray, " f"]:
     return np.asarray(of_vertex[corners.reshape(-1, 3)[:, 0]], dtype=np.int64)
 
 
+def edge_components(faces: Int[ndarray, "f 3"]) -> Int[ndarray, " f"]:
+    """Connected component of each face, numbered from 0; faces that share an edge are connected."""
+    return np.asarray(igl.facet_components(np.ascontiguousarray(faces, dtype=np.int64))[1], dtype=np.int64)
+
+
 def count_components(faces: Int[ndarray, "f 3"]) -> int:
     """Number of connected components; faces that share a vertex are connected."""
     return int(face_components(faces).max(initial=-1)) + 1
+
+
+def count_cavities(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> int:
+    """Number of closed components that are wound inward; faces that share an edge are connected."""
+    return int((component_volumes(vertices, faces, edge_components(faces)) < 0).sum())
+
+
+def component_volumes(
+    vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], number: Int[ndarray, " f"]
+) -> Float[ndarray, " c"]:
+    """Volume of each closed component by the divergence theorem, positive where it winds outward.
+
+    Args:
+        vertices: Positions.
+        faces: Vertex indices.
+        number: Component of each face, from 0.
+    """
+    a, b, c = (vertices - vertices.mean(axis=0))[faces.T]
+    return np.asarray(np.bincount(number, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6))
 
 
 @cached_by_identity
@@ -68,3 +92,22 @@ def signed_volume(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -
     """Volume that closed faces enclose, by the divergence theorem; positive where they wind outward."""
     a, b, c = (vertices - vertices.mean(axis=0))[faces.T]
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def side_uses(faces: Int[ndarray, "f 3"]) -> Int[ndarray, "f 3"]:
+    """Number of faces at each side of each face: the edges from its corners 0, 1 and 2."""
+    _, number, uses = np.unique(edge_keys(faces, int(faces.max()) + 1), return_inverse=True, return_counts=True)
+    counts: Int[ndarray, "f 3"] = uses[number].reshape(-1, 3)
+    return counts
+
+
+def is_closed(faces: Int[ndarray, "f 3"]) -> bool:
+    """True if every edge has exactly two faces."""
+    return bool((edge_uses(faces) == 2).all())
+
+
+def is_consistent(faces: Int[ndarray, "f 3"]) -> bool:
+    """True if no edge is traversed twice in one direction, as between faces that disagree about the outside."""
+    starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    keys = np.sort(starts * (int(faces.max()) + 1) + ends)
+    return bool((keys[1:] != keys[:-1]).all())

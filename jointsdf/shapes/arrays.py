@@ -71,7 +71,15 @@ def from_arrays(
         found, provider = ids[solid.source_faces], "array"
     dropped = len(triangles) - len(solid.faces)
     return Shape(
-        called, replace(mesh, labels=found), digest, provider, solid.watertight, flipped=solid.flipped, dropped=dropped
+        called,
+        replace(mesh, labels=found),
+        digest,
+        provider,
+        solid.watertight,
+        flipped=solid.flipped,
+        dropped=dropped,
+        folded=solid.folded,
+        welded=solid.welded,
     )
 
 

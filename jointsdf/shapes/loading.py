@@ -181,4 +181,6 @@ def _load_file(
         flipped=solid.flipped,
         dropped=len(found.faces) - len(solid.faces),
         unit=found.unit or ASSUMED_UNIT,
+        folded=solid.folded,
+        welded=solid.welded,
     )

@@ -3,15 +3,15 @@
 import logging
 from dataclasses import dataclass
 
-import igl
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from jointsdf.geometry.mesh import face_areas, face_normals
 from jointsdf.geometry.rays import ray_lengths
 from jointsdf.geometry.sampling import sample_by_area
-from jointsdf.geometry.topology import count_components
+from jointsdf.geometry.topology import count_cavities, count_components
+from jointsdf.geometry.winding import WindingNumber
 from jointsdf.values import UNLABELLED, LabelledMesh, Shape
 
 SAMPLES, WINDINGS = 10000, 2000  # points on the surface for rays, and for winding numbers
@@ -33,9 +33,11 @@ class MeshReport:
         name: Of the shape.
         faces: Number of faces.
         components: Number of connected components; faces that share a vertex are connected.
+        cavities: Number of those that are wound inward, in a watertight mesh.
         watertight: Whether the faces close a volume.
         flipped: Number of faces whose winding was reversed.
-        dropped: Number of faces left out: repeated, or without area.
+        dropped: Number of faces left out: repeated, doubled, or without area.
+        welded: Number of vertices moved to another one, nearly at the same place.
         contacts: Share of the surface nearer than 1e-4 of the longest side to another face, inward or outward.
         buried: Share of the surface that lies inside the solid: bodies overlap or touch, or there are faces within.
         wall: Thickness that 1% of the surface's walls are below; infinite where no ray meets a wall.
@@ -45,9 +47,11 @@ class MeshReport:
     name: str
     faces: int
     components: int
+    cavities: int
     watertight: bool
     flipped: int
     dropped: int
+    welded: int
     contacts: float
     buried: float
     wall: float
@@ -60,13 +64,15 @@ class MeshReport:
             cell: Edge of a cell of the extraction grid, file units.
         """
         pieces = "1 component" if self.components == 1 else f"{self.components} components"
-        repairs = f"{self.flipped} faces flipped, {self.dropped} dropped"
+        if self.cavities:
+            pieces += f" ({self.cavities} {'a cavity' if self.cavities == 1 else 'cavities'})"
+        repairs = f"{self.flipped} faces flipped, {self.dropped} dropped, {self.welded} vertices welded"
         shown = [f"{part}: {share:.1%}" for part, share in self.parts[:LISTED]]
         more = [f"and {len(self.parts) - LISTED} more"] if len(self.parts) > LISTED else []
         cells = f"{self.wall:.4g}, {self.wall / cell:.1f} cells of the grid (1% of the walls are thinner)"
         return [
             f"{self.name}: {self.faces} faces, {pieces}, {'watertight' if self.watertight else 'not watertight'}",
-            f"  repairs       {repairs if self.flipped or self.dropped else 'none'}",
+            f"  repairs       {repairs if self.flipped or self.dropped or self.welded else 'none'}",
             f"  near contact  {self.contacts:.2%} of the surface, inside the solid {self.buried:.2%}",
             f"  thinnest wall {cells if np.isfinite(self.wall) else 'none met'}",
             f"  parts         {len(self.parts)}" + (f" ({', '.join(shown + more)})" if self.parts else ""),
@@ -126,11 +132,13 @@ def mesh_report(shape: Shape) -> MeshReport:
         shape.name,
         len(mesh.faces),
         count_components(mesh.faces),
+        count_cavities(mesh.vertices, mesh.faces) if shape.watertight else 0,
         shape.watertight,
         shape.flipped,
         shape.dropped,
+        shape.welded,
         float(near.mean()),
-        _buried(corners, points, normals),
+        _buried(vertices, mesh.faces, points, normals),
         wall,
         tuple((int(mesh.part_ids[part]), float(part_areas[part] / areas.sum())) for part in order),
     )
@@ -150,9 +158,11 @@ def _clearance(
     return ray_lengths(corners, points + LIFT * directions, directions) + LIFT
 
 
-def _buried(corners: Float[ndarray, "f 3 3"], points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"]) -> float:
+def _buried(
+    vertices: Float[ndarray, "v 3"],
+    faces: Int[ndarray, "f 3"],
+    points: Float[ndarray, "n 3"],
+    normals: Float[ndarray, "n 3"],
+) -> float:
     """Share of the points whose outer side is inside the solid, by the winding number."""
-    vertices = np.ascontiguousarray(corners.reshape(-1, 3))
-    faces = np.arange(len(vertices), dtype=np.int64).reshape(-1, 3)
-    outside = np.ascontiguousarray((points + LIFT * normals)[:WINDINGS])
-    return float((igl.fast_winding_number(vertices, faces, outside) > WITHIN).mean())
+    return float((WindingNumber(vertices, faces).at((points + LIFT * normals)[:WINDINGS]) > WITHIN).mean())

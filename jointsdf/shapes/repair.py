@@ -1,19 +1,22 @@
-"""Repair of a mesh to a solid: vertices merged, degenerate faces dropped, wound outward, with warnings."""
+"""Repair of a mesh to a solid: vertices merged, needless faces dropped, wound outward, with warnings."""
 
 import logging
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
 from jointsdf.errors import InputError
-from jointsdf.geometry.mesh import edge_uses
-from jointsdf.geometry.topology import count_components, signed_volume
+from jointsdf.geometry.topology import count_components, is_closed
+from jointsdf.shapes.doubling import find_doubled, find_repeated
+from jointsdf.shapes.orientation import orient
+from jointsdf.shapes.overlaps import examine_sides, is_folded
+from jointsdf.shapes.welding import weld
 
 COARSE, SLOW = 10, 2_000_000  # numbers of faces at most and at least that are warned of
 FLAT = 1e-12  # least side of a solid's box, of its longest side
+ENCLOSING = 0.02  # share of the surface that must have inside just beneath it; a tray 5% deep has 20%, sheets have 0
 DEGENERATE = 1e-15  # twice the area of a degenerate face at most, of the longest side squared
 
 logger = logging.getLogger(__name__)
@@ -26,20 +29,24 @@ class Solid:
     Attributes:
         vertices: The positions that a face uses.
         faces: Vertex indices, counter-clockwise seen from outside where there is an outside.
-        source_faces: Index of each face among the given ones: repeated and degenerate ones are dropped.
+        source_faces: Index of each face among the given ones: repeated, doubled and degenerate ones are dropped.
         watertight: Whether each edge has exactly two faces, which agree on the outside.
+        folded: Whether they do, but overlap or fold over.
         flipped: Number of faces whose winding was reversed.
+        welded: Number of vertices that were moved to another one, nearly at the same place.
     """
 
     vertices: Float[ndarray, "v 3"]
     faces: Int[ndarray, "f 3"]
     source_faces: Int[ndarray, " f"]
     watertight: bool
+    folded: bool
     flipped: int
+    welded: int
 
 
 def repair_mesh(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> Solid:
-    """Merge vertices by position, drop repeated and degenerate faces, wind outward; warn of defects.
+    """Merge vertices by position or weld them, drop needless faces, wind outward; warn of defects.
 
     Args:
         source: Names the mesh in messages.
@@ -47,18 +54,50 @@ def repair_mesh(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray
         faces: Vertex indices, at least one face; their order stays.
 
     Raises:
-        InputError: The mesh has no extent along an axis, or no face with an area.
+        InputError: The mesh has no extent along an axis, no face with an area, or encloses nothing.
     """
+    vertices, clean, kept = _clean(source, vertices, faces)
+    snapped = weld(source, vertices, clean)
+    welded = 0
+    if snapped is not None:
+        welded = int((snapped != vertices).any(axis=1).sum())
+        vertices, clean, again = _clean(source, snapped, clean)
+        kept = kept[again]
+    wound, watertight = orient(source, vertices, clean)
+    folded = _check_sides(source, vertices, wound, watertight)
+    _warn_of_size(source, wound)
+    return Solid(vertices, wound, kept, watertight, folded, int((wound != clean).any(axis=1).sum()), welded)
+
+
+def _clean(source: str, vertices: ndarray, faces: ndarray) -> tuple[ndarray, ndarray, Int[ndarray, " k"]]:
+    """Merge vertices by position and drop repeated, degenerate and doubled faces; also the kept ones' indices."""
     once = _find_distinct(source, _first_at_position(vertices)[faces])
     vertices, merged = _merge(vertices, faces[once])
     extents = np.ptp(vertices, axis=0)
     if extents.min() <= FLAT * extents.max():
         raise InputError(f"{source} is flat: its extents are {extents.tolist()}; a solid needs all three above zero")
-    proper = _find_proper(source, vertices, merged, extents.max())
-    vertices, merged = _merge(vertices, merged[proper])
-    wound, watertight = _orient(source, vertices, merged)
-    _warn_of_size(source, wound)
-    return Solid(vertices, wound, once[proper], watertight, int((wound != merged).any(axis=1).sum()))
+    kept = _find_proper(source, vertices, merged, extents.max())
+    doubled = find_doubled(vertices, _first_at_position(vertices)[merged[kept]])
+    if doubled.any():
+        logger.warning("%s: %d faces are doubled with the opposite winding: dropped", source, doubled.sum())
+        kept = kept[~doubled]
+    vertices, merged = _merge(vertices, merged[kept])
+    return vertices, merged, once[kept]
+
+
+def _check_sides(source: str, vertices: ndarray, faces: ndarray, watertight: bool) -> bool:
+    """Refuse a mesh that encloses almost nothing; say whether closed faces overlap or fold over."""
+    a, b, c = vertices[faces.T]
+    sides = examine_sides(vertices, faces, np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    if sides.enclosing < ENCLOSING:
+        raise InputError(
+            f"{source} encloses almost nothing ({sides.enclosing:.0%} of its faces have an inside): a solid is needed, "
+            "so give open sheets a thickness or close them in the CAD program"
+        )
+    folded = watertight and is_folded(vertices, faces, sides)
+    if folded:
+        logger.warning("%s: closed faces overlap or touch: the sign comes from the winding number", source)
+    return folded
 
 
 def _merge(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> tuple[ndarray, ndarray]:
@@ -66,8 +105,7 @@ def _merge(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> tuple
 
     A closed mesh is not merged: where it touches itself, that would open it.
     """
-    closed = (edge_uses(faces) == 2).all()
-    identity = np.arange(len(vertices)) if closed else _first_at_position(vertices)
+    identity = np.arange(len(vertices)) if is_closed(faces) else _first_at_position(vertices)
     used, merged = np.unique(identity[faces], return_inverse=True)
     return vertices[used], merged.reshape(faces.shape)
 
@@ -83,15 +121,11 @@ def _first_at_position(vertices: Float[ndarray, "v 3"]) -> Int[ndarray, " v"]:
 
 
 def _find_distinct(source: str, faces: Int[ndarray, "f 3"]) -> Int[ndarray, " k"]:
-    """Find the faces that do not repeat an earlier one of the same winding."""
-    turned = (np.argmin(faces, axis=1)[:, None] + np.arange(3)) % 3
-    faces = np.take_along_axis(faces, turned, axis=1)
-    order = np.lexsort(faces.T)
-    first = np.ones(len(faces), dtype=bool)
-    first[order[1:]] = (faces[order[1:]] != faces[order[:-1]]).any(axis=1)
-    if repeated := int((~first).sum()):
-        logger.warning("%s: %d repeated faces dropped with their labels", source, repeated)
-    return np.flatnonzero(first)
+    """Find the faces that are not repeated."""
+    repeated = find_repeated(faces)
+    if repeated.any():
+        logger.warning("%s: %d repeated faces dropped with their labels", source, repeated.sum())
+    return np.flatnonzero(~repeated)
 
 
 def _find_proper(source: str, vertices: ndarray, faces: ndarray, size: float) -> Int[ndarray, " k"]:
@@ -104,40 +138,6 @@ def _find_proper(source: str, vertices: ndarray, faces: ndarray, size: float) ->
     if len(proper) < len(faces):
         logger.warning("%s: %d degenerate faces (no area) dropped with their labels", source, len(faces) - len(proper))
     return proper
-
-
-def _orient(source: str, vertices: ndarray, faces: ndarray) -> tuple[Int[ndarray, "f 3"], bool]:
-    """Wind the faces outward; also whether they close a volume consistently."""
-    uses = edge_uses(faces)
-    if (uses != 2).any():
-        counts = f"{(uses != 2).sum()} of {len(uses)} edges do not have exactly two faces"
-        logger.warning("%s: not watertight (%s): the sign comes from the winding number", source, counts)
-        return faces, False
-    if not _is_consistent(faces):
-        faces, disagreeing = _flip_minorities(faces)
-        if not _is_consistent(faces):
-            logger.warning("%s: has no outside (one-sided surface): the sign comes from the winding number", source)
-            return faces, False
-        logger.warning("%s: %d faces were inside out and are flipped to agree with the rest", source, disagreeing)
-    if signed_volume(vertices, faces) < 0:
-        logger.warning("%s: inside out (negative volume): all faces flipped", source)
-        faces = faces[:, ::-1].copy()
-    return faces, True
-
-
-def _is_consistent(faces: Int[ndarray, "f 3"]) -> bool:
-    """True if no edge is traversed twice in one direction, as between faces that disagree about the outside."""
-    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    return len(np.unique(ends[:, 0] * (int(faces.max()) + 1) + ends[:, 1])) == len(ends)
-
-
-def _flip_minorities(faces: Int[ndarray, "f 3"]) -> tuple[Int[ndarray, "f 3"], int]:
-    """Flip faces that disagree with most of their component; also the number of them."""
-    oriented, component = igl.bfs_orient(faces)
-    flipped = (oriented != faces).any(axis=1)
-    mostly_flipped = np.bincount(component, flipped) > 0.5 * np.bincount(component)
-    flipped ^= mostly_flipped[component]
-    return np.where(flipped[:, None], faces[:, ::-1], faces), int(flipped.sum())
 
 
 def _warn_of_size(source: str, faces: ndarray) -> None:

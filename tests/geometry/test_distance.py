@@ -159,3 +159,14 @@ def test_points_that_nothing_separates_vote_on_their_sign() -> None:
     wrong[[3, 36, 37]] *= -1
     np.testing.assert_array_equal(vote_on_signs(line, wrong), distances)
     np.testing.assert_array_equal(vote_on_signs(line[:1], wrong[:1]), wrong[:1])
+
+
+def test_folded_bodies_that_overlap_are_inside_of_either() -> None:
+    other = HALF * (1.0, 0.4, 1.0) + (0.0, 0.3, 0.1)
+    both = trimesh.util.concatenate([trimesh.creation.box(extents=2 * HALF), trimesh.creation.box(extents=2 * other)])
+    points = uniform(5000)
+    inside = (np.abs(points) < HALF).all(axis=1) | (np.abs(points) < other).all(axis=1)
+    signed = ExactDistance(labelled(both), watertight=True, folded=True).signed(points)
+    np.testing.assert_array_equal(signed < 0, inside)
+    nearest = np.minimum(*(np.abs(box_distance(points, half)) for half in (HALF, other)))
+    np.testing.assert_allclose(np.abs(signed), nearest, atol=1e-9)

@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from jointsdf.geometry.rays import ray_hits, ray_lengths
+from jointsdf.geometry.rays import ray_hits, ray_lengths, successive_hits
 
 BOX = trimesh.creation.box((1.0, 0.6, 0.4))
 HALF = np.array([0.5, 0.3, 0.2])
@@ -62,3 +62,15 @@ def test_lengths_alone_are_those_of_the_hits() -> None:
     both = ray_hits(np.array(BOX.triangles), origins, ways)
     np.testing.assert_array_equal(ray_lengths(np.array(BOX.triangles), origins, ways), both[0])
     assert 0 < np.isfinite(both[0]).sum() < 100
+
+
+def test_rays_are_followed_through_every_shell_up_to_their_reach() -> None:
+    shells = [trimesh.creation.icosphere(4, radius) for radius in (0.1, 0.2, 0.3, 0.4)]
+    corners = np.concatenate([np.array(shell.triangles) for shell in shells])
+    ways, reach = directions(400, seed=4), np.repeat([0.05, 0.25, 0.35, np.inf], 100)
+    rounds = list(successive_hits(corners, np.zeros((400, 3)), ways, reach))
+    met = np.full((400, 4), -1)
+    for turn, (rays, faces) in enumerate(rounds):
+        met[rays, turn] = faces // len(shells[0].faces)
+    expected = np.where(np.arange(4) < np.repeat([0, 2, 3, 4], 100)[:, None], np.arange(4), -1)
+    np.testing.assert_array_equal(met, expected)

@@ -5,7 +5,19 @@ import pytest
 import trimesh
 from solids import labelled
 
-from jointsdf.geometry.topology import components, count_components, face_components, signed_volume, topology
+from jointsdf.geometry.topology import (
+    component_volumes,
+    components,
+    count_cavities,
+    count_components,
+    edge_components,
+    face_components,
+    is_closed,
+    is_consistent,
+    side_uses,
+    signed_volume,
+    topology,
+)
 from jointsdf.values import LabelledMesh
 
 TWO = trimesh.creation.icosphere() + trimesh.creation.box().apply_translation((9, 0, 0))
@@ -96,3 +108,41 @@ def test_volume_of_a_shell_is_that_between_its_walls() -> None:
     found = topology(labelled(shell))
     assert (found["components"], found["euler"]) == (2, 4)
     assert found["volume"] == pytest.approx(7.0, rel=1e-12)
+
+
+def test_faces_that_share_but_a_vertex_are_apart_by_edges() -> None:
+    faces = np.array([[0, 1, 2], [2, 1, 3], [3, 4, 5], [5, 4, 6]])
+    number = edge_components(faces)
+    assert number[0] == number[1] != number[2] == number[3]
+    assert count_components(faces) == 1
+
+
+def test_volume_and_cavities_by_component() -> None:
+    hole = trimesh.creation.icosphere(2, 0.3)
+    hole.invert()
+    both = trimesh.util.concatenate([trimesh.creation.box((2.0, 3.0, 4.0)), hole])
+    vertices, faces = np.array(both.vertices) + 100, np.array(both.faces)
+    number = np.repeat([0, 1], [12, len(hole.faces)])
+    np.testing.assert_allclose(component_volumes(vertices, faces, number), [24.0, hole.volume])
+    assert count_cavities(vertices, faces) == 1
+    assert count_cavities(vertices, faces[:12]) == 0
+
+
+def test_sides_are_counted_as_by_hand() -> None:
+    faces = np.array([[0, 1, 2], [2, 1, 3], [1, 2, 4]])  # a fin of three faces at the edge 1-2
+    assert side_uses(faces).tolist() == [[1, 3, 1], [3, 1, 1], [3, 1, 1]]
+
+
+@pytest.mark.parametrize(
+    ("change", "closed", "consistent"),
+    [
+        (lambda faces: faces, True, True),
+        (lambda faces: faces[:, ::-1], True, True),
+        (lambda faces: faces[1:], False, True),
+        (lambda faces: np.concatenate([faces[1:], faces[:1, ::-1]]), True, False),
+        (lambda faces: np.concatenate([faces, faces[:1, ::-1]]), False, False),
+    ],
+)
+def test_closed_and_consistent(change, closed: bool, consistent: bool) -> None:
+    faces = change(np.array(trimesh.creation.icosphere(1).faces))
+    assert (is_closed(faces), is_consistent(faces)) == (closed, consistent)

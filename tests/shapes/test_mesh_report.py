@@ -6,6 +6,7 @@ import pytest
 import trimesh
 
 from jointsdf import shapes
+from jointsdf.shapes.arrays import from_arrays
 from jointsdf.shapes.mesh_report import MeshReport, mesh_report
 from jointsdf.shapes.repair import repair_mesh
 from jointsdf.values import LabelledMesh, Shape
@@ -14,7 +15,9 @@ from jointsdf.values import LabelledMesh, Shape
 def report_on(mesh: trimesh.Trimesh, labels: np.ndarray | None = None) -> MeshReport:
     solid = repair_mesh("it", np.array(mesh.vertices), np.array(mesh.faces))
     labels = np.zeros(len(solid.faces), dtype=np.int64) if labels is None else labels
-    shape = Shape("it", LabelledMesh(solid.vertices, solid.faces, labels), "", "builtin", solid.watertight)
+    shape = Shape(
+        "it", LabelledMesh(solid.vertices, solid.faces, labels), "", "builtin", solid.watertight, folded=solid.folded
+    )
     return mesh_report(shape)
 
 
@@ -60,13 +63,23 @@ def test_bodies_that_overlap_are_told_by_the_surface_inside() -> None:
     assert report_on(trimesh.util.concatenate([moved(0, 0, 0), moved(3, 0, 0)])).buried == 0.0
 
 
+def test_welded_corners_and_cavities_are_counted() -> None:
+    corners = trimesh.creation.icosphere(2).triangles.reshape(-1, 3)
+    corners = corners + np.random.default_rng(0).uniform(-1e-7, 1e-7, corners.shape)
+    hole = trimesh.creation.icosphere(1, 0.3)
+    faces = np.concatenate([np.arange(len(corners)).reshape(-1, 3), hole.faces + len(corners)])
+    shape = from_arrays(np.concatenate([corners, hole.vertices]), faces, labels="none", name="it")
+    lines = mesh_report(shape).lines(0.1)
+    assert shape.welded == len(corners) - 162
+    assert lines[0] == "it: 400 faces, 2 components (1 a cavity), watertight"
+    assert lines[1] == f"  repairs       80 faces flipped, 0 dropped, {shape.welded} vertices welded"
+
+
 def test_faces_within_are_told_and_cavities_are_not() -> None:
     outer, inner = moved(0, 0, 0, size=2.0), moved(0, 0, 0, size=1.0)
-    within = report_on(trimesh.util.concatenate([outer, inner]))
-    assert within.buried == pytest.approx(6 / 30, abs=0.03)
-    cavity = inner.copy()
-    cavity.invert()
-    assert report_on(trimesh.util.concatenate([outer, cavity])).buried == 0.0
+    for cavity in (inner, inner.copy()):
+        assert report_on(trimesh.util.concatenate([outer, cavity])).buried == 0.0
+        inner.invert()
     wall = trimesh.Trimesh([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], [[0, 1, 2], [0, 2, 3]])
     split = trimesh.util.concatenate([outer, wall])
     report = report_on(split)
@@ -116,7 +129,7 @@ def test_repairs_of_a_file_are_counted(tmp_path: Path) -> None:
     report = mesh_report(shape)
     assert (report.faces, report.watertight, report.flipped, report.dropped) == (12, True, 2, 3)
     assert report.counts() == {"components_gt": 1, "flipped_gt": 2, "dropped_gt": 3}
-    assert report.lines(0.1)[1] == "  repairs       2 faces flipped, 3 dropped"
+    assert report.lines(0.1)[1] == "  repairs       2 faces flipped, 3 dropped, 0 vertices welded"
     assert report.lines(0.1)[-1] == "  parts         0"
     assert set(report.facts()) == {"watertight", "near_contact", "inside_solid", "thinnest_wall"}
 

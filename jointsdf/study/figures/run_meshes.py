@@ -10,7 +10,7 @@ from numpy import ndarray
 from scipy.optimize import linear_sum_assignment
 
 from jointsdf.errors import InputError
-from jointsdf.geometry.distance import ExactDistance
+from jointsdf.geometry.distance import ClosestPoint
 from jointsdf.geometry.mesh import face_areas
 from jointsdf.shapes.labels.columns import read_own_labels
 from jointsdf.shapes.stored import stored_truth
@@ -72,8 +72,8 @@ class Pair:
 
     @cached_property
     def _true_labels(self) -> Int[ndarray, " f"]:
-        exact = ExactDistance(self.truth.mesh, watertight=self.truth.watertight)
-        labels: ndarray = self.truth.mesh.labels[exact.closest_face(centroids(self.predicted))]
+        _, closest = ClosestPoint(self.truth.mesh).query(centroids(self.predicted))
+        labels: ndarray = self.truth.mesh.labels[closest]
         return labels
 
 
@@ -97,5 +97,4 @@ def centroids(mesh: LabelledMesh) -> Float[ndarray, "f 3"]:
 
 
 def _distances(of: LabelledMesh, to: LabelledMesh) -> Float[ndarray, " f"]:
-    unsigned: ndarray = np.abs(ExactDistance(to, watertight=True).signed(centroids(of)))
-    return unsigned
+    return ClosestPoint(to).query(centroids(of))[0]

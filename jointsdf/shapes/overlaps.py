@@ -1,0 +1,113 @@
+"""Where the faces of a mesh pass through each other, and what the mesh encloses: edges as rays, winding numbers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from jointsdf.geometry.mesh import edge_keys
+from jointsdf.geometry.rays import successive_hits
+from jointsdf.geometry.sampling import sample_by_area
+from jointsdf.geometry.topology import edge_components
+from jointsdf.geometry.winding import INSIDE, WindingNumber
+
+SAMPLES = 1000  # points of the surface whose sides are examined
+LIFT = 2e-6  # of these from the surface, of the longest side
+SUSPECT = 0.001  # share of them from which a surface folds; fewer are edges and corners
+CLEARLY = 0.7  # winding number of a point that is inside beyond doubt: at most so beneath sheets, 0.5 beneath flat ones
+APART = 1e-5  # of the longest side: an edge whose ends are nearer to a face's plane, or that meets its rim, touches it
+DEEP = 1e-3  # of the longest side: bodies that pass through each other by less are within tessellation's tolerance
+
+
+@dataclass(frozen=True)
+class Piercings:
+    """Edges that pass through faces they have no corner in common with.
+
+    Attributes:
+        face: One of the faces at each edge.
+        pierced: The face that it passes through.
+        depth: Distance of the edge's nearer end from the plane of that face, of the longest side.
+    """
+
+    face: Int[ndarray, " n"]
+    pierced: Int[ndarray, " n"]
+    depth: Float[ndarray, " n"]
+
+
+def find_piercings(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> Piercings:
+    """Cast every edge as a ray: two surfaces that cross have an edge of one that passes through a face of the other.
+
+    Args:
+        vertices: Positions.
+        faces: Vertex indices, none degenerate.
+    """
+    size = float(np.ptp(vertices, axis=0).max())
+    centred = (vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2) / size
+    side = np.unique(edge_keys(faces, len(vertices)), return_index=True)[1]
+    ends = np.stack([faces.ravel()[side], np.roll(faces, -1, axis=1).ravel()[side]], axis=1)
+    start, end = centred[ends[:, 0]], centred[ends[:, 1]]
+    lengths = np.linalg.norm(end - start, axis=1)
+    corners = centred[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    found = [np.zeros((0, 2), dtype=np.int64)]
+    for edge, face in successive_hits(corners, start, (end - start) / lengths[:, None], lengths):
+        apart = (faces[face][:, :, None] != ends[edge][:, None, :]).all(axis=(1, 2))
+        found.append(np.stack([edge, face], axis=1)[apart])
+    edge, face = np.unique(np.concatenate(found), axis=0).T
+    before, behind = (np.einsum("ij,ij->i", point[edge] - corners[face, 0], normals[face]) for point in (start, end))
+    depth = np.where(before * behind < 0, np.minimum(np.abs(before), np.abs(behind)), 0.0)
+    share = before / np.where(depth > 0, before - behind, 1.0)
+    met = start[edge] + share[:, None] * (end - start)[edge]
+    through = (depth > APART) & (_distance_from_rim(met, corners[face], normals[face]) > APART)
+    return Piercings(side[edge[through]] // 3, face[through], depth[through])
+
+
+def _distance_from_rim(
+    points: Float[ndarray, "n 3"], corners: Float[ndarray, "n 3 3"], normals: Float[ndarray, "n 3"]
+) -> Float[ndarray, " n"]:
+    """Distance of a point in each face's plane from the nearest line of a side, negative beyond one."""
+    along = np.roll(corners, -1, axis=1) - corners
+    inward = np.cross(normals[:, None], along) / np.linalg.norm(along, axis=2, keepdims=True)
+    return np.einsum("nij,nij->ni", inward, points[:, None] - corners).min(axis=1)
+
+
+@dataclass(frozen=True)
+class Sides:
+    """Shares of a mesh's surface by the winding numbers just above and beneath it.
+
+    Attributes:
+        wrong: Of which not the one side is outside and the other one inside.
+        enclosing: That has inside just beneath it, beyond doubt.
+    """
+
+    wrong: float
+    enclosing: float
+
+
+def examine_sides(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], areas: Float[ndarray, " f"]) -> Sides:
+    """Measure the winding number on both sides of the surface, at points uniform by area, the same in every run.
+
+    Args:
+        vertices: Positions.
+        faces: Vertex indices, counter-clockwise seen from outside.
+        areas: Of the faces.
+    """
+    points, chosen = sample_by_area(vertices, faces, areas, SAMPLES, np.random.default_rng(0))
+    a, b, c = vertices[faces[chosen].T]
+    normals = np.cross(b - a, c - a)
+    lift = LIFT * np.ptp(vertices, axis=0).max() * normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    above, beneath = WindingNumber(vertices, faces).at(np.concatenate([points + lift, points - lift])).reshape(2, -1)
+    wrong = (above > INSIDE) | (above < -INSIDE) | (beneath < INSIDE)
+    return Sides(float(wrong.mean()), float((beneath > CLEARLY).mean()))
+
+
+def is_folded(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], sides: Sides) -> bool:
+    """Whether closed faces overlap, so that the closest face does not tell the side of a point.
+
+    Samples settle it for one body. Of several, thin ones that cross may have too little surface to be sampled.
+    """
+    if sides.wrong > SUSPECT or edge_components(faces).max() == 0:
+        return sides.wrong > SUSPECT
+    return bool((find_piercings(vertices, faces).depth > DEEP).any())
