@@ -27,6 +27,7 @@ from jointsdf.errors import InputError, first_line, require_one_of
 from jointsdf.experiment import build
 from jointsdf.experiment.help import choices
 from jointsdf.experiment.process import process_settings
+from jointsdf.experiment.quoting import escape_interpolations, quote_override
 from jointsdf.experiment.run import Outcome, fit_shape
 from jointsdf.experiment.stopwatch import Stopwatch
 from jointsdf.model.field import JointField
@@ -137,11 +138,11 @@ def fit(
         InputError: The shape, its labels or a value cannot be used, or the folder holds another run.
         KeyboardInterrupt: Ctrl-C; with `out` the same call resumes.
     """
-    cfg = _compose(recipe, head, seed, overrides)
+    cfg, escape = _compose(recipe, head, seed, overrides), escape_interpolations
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory()) if out is None else out).expanduser().absolute()
-        cfg.shape = shape.name if isinstance(shape, Shape) else str(shape)
-        cfg.paths.outputs, cfg.paths.abc_missing = str(folder), "error"
+        cfg.shape = escape(shape.name if isinstance(shape, Shape) else str(shape))
+        cfg.paths.outputs, cfg.paths.abc_missing = escape(str(folder)), "error"
         stack.enter_context(log_to_stderr(quiet))
         build.check_config(cfg)
         if cfg.reuse:
@@ -173,7 +174,7 @@ def load_field(path: str | Path) -> JointField:
 def _compose(recipe: str, head: str, seed: int, overrides: Sequence[str]) -> DictConfig:
     require_one_of("recipe", recipe, choices("recipe"))
     require_one_of("head", head, choices("head"))
-    overrides = [f"recipe={recipe}", f"head={head}", f"seed={seed}", *overrides]
+    overrides = [f"recipe={recipe}", f"head={head}", f"seed={seed}", *map(quote_override, overrides)]
     try:
         with initialize_config_module("jointsdf.conf", version_base="1.3"):
             return compose("config", overrides)

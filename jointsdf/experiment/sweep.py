@@ -18,7 +18,6 @@ from omegaconf import DictConfig
 
 from jointsdf.cli_logging import configure_logging, log_levels, one_line
 from jointsdf.errors import InputError
-from jointsdf.experiment.sweep_configs import sweep_configs
 from jointsdf.phases import phase, run_named
 from jointsdf.runs import status
 from jointsdf.runs.folder import FIELD
@@ -62,16 +61,19 @@ class Sweep(Callback):
         """Record the wanted runs, in the study's folder as well.
 
         Raises:
-            SystemExit: The chosen engine is not installed.
+            SystemExit: The chosen engine is not installed, or `shapes=` names no files.
         """
         global active_sweep
         configure_logging()
         with phase("start", "torch and lightning, then the runs of the sweep"):
-            from jointsdf.experiment import build  # noqa: F401 (imports torch now)
-            from jointsdf.experiment.settings import folder_of
+            from jointsdf.experiment.sweep_plan import plan_sweep  # imports torch now
         configure_logging()  # loggers that came with it as well
         _check_engine(config)
-        folders = [folder_of(cfg) for cfg in sweep_configs(config)]
+        try:
+            folders = plan_sweep(config)
+        except InputError as error:
+            log.error("error: %s", error)
+            raise SystemExit(2) from error
         active_sweep = ActiveSweep(list(dict.fromkeys(folders)))
         for study in {folder.parents[STUDY_LEVEL] for folder in active_sweep.wanted}:
             status.plan(study, [folder for folder in active_sweep.wanted if folder.parents[STUDY_LEVEL] == study])
@@ -97,7 +99,7 @@ def run_one(cfg: DictConfig, *, wait_for_others: bool = False) -> float | None:
     from jointsdf.experiment.settings import folder_of
     from jointsdf.experiment.summary import summary
 
-    folder = None
+    folder = before = None
     try:
         build.check_config(cfg)
         folder = folder_of(cfg)
@@ -118,7 +120,8 @@ def run_one(cfg: DictConfig, *, wait_for_others: bool = False) -> float | None:
             status.fail(folder, message, error)
         return None
     finally:
-        gc.collect()  # the next run needs the memory
+        if cfg.force or before is None or before.kind != "done":  # a row that was there took little memory
+            gc.collect()  # the next run needs it
     if before.kind != "done":
         log.info("%s %s", _progress(folder), summary(row, cfg.evaluation.primary, folder))
     return row.scores[cfg.evaluation.primary]["cd_l1"]

@@ -10,6 +10,7 @@ import numpy as np
 
 from jointsdf.errors import InputError, require_integer
 from jointsdf.shapes import abc, builtin
+from jointsdf.shapes.labels.beside import find_label_file
 from jointsdf.shapes.labels.partfield import possible_names
 from jointsdf.shapes.labels.providers import UnlabelledShape, benchmark, provide
 from jointsdf.shapes.naming import FALLBACK, name_of_file, shape_names
@@ -161,7 +162,7 @@ def _load_file(
         found,
         unlabelled,
         solid.source_faces,
-        labels_path=path.with_name("labels.npy"),
+        labels_path=find_label_file(path),
         patch_source=path if brep_faces is not None else find_features_file(path) or path.with_name("patches.npy"),
         patches=brep_faces,
         known_as=(*((name,) if name else ()), *possible_names(path, found.sha256)),

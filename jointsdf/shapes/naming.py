@@ -34,7 +34,10 @@ def name_of(shape: str, *, abc_root: str | Path, abc_missing: str) -> str:
     path = Path(shape).expanduser()
     if shape in builtin.BUILTINS or not path.is_file():
         return _safe_stem(path)
-    return name_of_file(path, hashlib.sha256(path.read_bytes()).hexdigest())
+    try:
+        return name_of_file(path, hashlib.sha256(path.read_bytes()).hexdigest())
+    except OSError:  # reported by whoever loads it
+        return _safe_stem(path)
 
 
 def name_of_file(path: Path, sha256: str) -> str:

@@ -34,7 +34,7 @@ class UnlabelledShape:
         file_mesh: The mesh in its file: label files follow its order.
         solid: The repaired mesh, with own labels or -1.
         source_faces: Index of each face of `solid` among those of `file_mesh`.
-        labels_path: `labels.npy` beside the mesh file, existing or not; None for a mesh without a file.
+        labels_path: Label file beside the mesh file; None where there is none.
         patch_source: File of the B-rep patches, existing or not: a `.npy`, a features file, or the STEP file itself.
         patches: Of a STEP file's faces, in the order of `file_mesh`; None for any other mesh.
         known_as: Names that PartField may have given to the mesh.

@@ -1,0 +1,163 @@
+"""Quotes for what a user types, so that Hydra's override grammar reads names of files as they are. Imports no torch.
+
+The grammar (hydra-core 1.3, `OverrideLexer.g4`) gives a meaning to `, = ( ) [ ] { } : ' "` and backslashes and refuses
+every letter beyond ASCII; OmegaConf then resolves `${...}`.
+"""
+
+import glob
+import os
+import re
+from collections.abc import Callable
+from functools import partial
+
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override, Quote, QuotedString, ValueType
+from hydra.errors import HydraException
+
+from jointsdf.errors import InputError
+
+OVERRIDE = re.compile(r"(?P<key>\+{0,2}[A-Za-z_][\w./@-]*)=(?P<value>.*)", re.DOTALL | re.ASCII)
+FILES = ("shape", "shapes", "labels", "partfield_dir", "run")  # keys of files and folders, besides those below `paths`
+SHAPES = "shapes"  # whose commas make a list, and not a sweep
+NAMES = ("study", "variant")  # keys of free text
+BRACKETS = re.compile(r"[()\[\]{}]")  # of lists, mappings and functions, whose typing errors Hydra explains
+UNUSABLE = re.compile(r"[\x00-\x08\x0a-\x1f\x7f\x85\u2028\u2029\ud800-\udfff]")  # line breaks, controls, no UTF-8
+LONGEST_PATH = 4096  # characters
+
+
+def quote_override(word: str, *, sweeps: bool = False) -> str:
+    """Quote the value of an override `key=value` where the grammar would refuse it or read another one.
+
+    An existing file or folder is meant as it is called, for the keys of files; the commas of a list part the names, and
+    no name. Other values are quoted only where the grammar refuses them, and keep their interpolations.
+
+    Args:
+        word: The override; one without a value is returned as it is.
+        sweeps: Whether commas may separate the values of several runs.
+
+    Raises:
+        InputError: The word holds a line break or another character that no line of a log or table can have.
+
+    >>> quote_override("study=Gehäuse (v2)"), quote_override("variant=tap=${trunk.tap}")
+    ("study='Gehäuse (v2)'", "variant='tap=${trunk.tap}'")
+    >>> quote_override("head=relu,siren"), quote_override("seed=range(0,3)")
+    ('head=relu,siren', 'seed=range(0,3)')
+    """
+    check_characters(word)
+    found = OVERRIDE.fullmatch(word)
+    if found is None or not found["value"]:
+        return word
+    key, value = found["key"], found["value"]
+    name = key.lstrip("+")
+    if name in FILES or name.startswith("paths."):
+        return f"{key}={_quote_files(name, value, sweeps)}"
+    if _read(value) or (BRACKETS.search(value.replace("${", "")) and name not in NAMES):
+        return word
+    return f"{key}={','.join(map(_quote_refused, _split(value, _is_quoted)))}" if sweeps else f"{key}={quote(value)}"
+
+
+def quote_path(path: str) -> str:
+    r"""Quote the name of a file or folder, of which `${` is a part and no interpolation.
+
+    >>> print(quote_path("it's ${x}.stl"))
+    'it\'s \${x}.stl'
+    """
+    return quote(escape_interpolations(path))
+
+
+def quote(text: str) -> str:
+    """Quote a value by Hydra's rules: in single quotes, those within it and the backslashes before them escaped."""
+    return QuotedString(text, Quote.single).with_quotes()
+
+
+def escape_interpolations(text: str) -> str:
+    r"""Escape every `${` and the backslashes before it, so that OmegaConf reads the text as it is.
+
+    >>> print(escape_interpolations("a${b}"))
+    a\${b}
+    """
+    return re.sub(r"(\\*)\$\{", lambda found: found[1] * 2 + r"\${", text)
+
+
+def check_characters(name: str) -> None:
+    """Refuse a name that cannot stand in a line of a log, a row or a table.
+
+    Raises:
+        InputError: One line that names it.
+    """
+    if UNUSABLE.search(name):
+        raise InputError(f"{name!a}: a line break, control character or byte that is no UTF-8; rename the file")
+
+
+def _quote_files(key: str, value: str, sweeps: bool) -> str:
+    """Quote names of files and folders that exist, with `~` expanded; of others, what the grammar refuses."""
+    exists = partial(_exists, key)
+    if exists(value):
+        return quote_path(_expand(value))
+    value, read = _expand(value), _read(_expand(value))
+    names = _split(value, lambda text: exists(text) or _is_quoted(text))
+    if len(names) == 1:
+        return _quote_refused(value)
+    plain = read is None or read.value_type is ValueType.SIMPLE_CHOICE_SWEEP
+    if key == SHAPES and plain:
+        return f"[{','.join(_quote_file(name, exists) for name in names)}]"
+    if read and not any(exists(name) and ("${" in name or _meaning(name) != name) for name in names):
+        return value
+    if read or sweeps or any(map(exists, names)):
+        return ",".join(_quote_file(name, exists) for name in names)
+    return quote(value)
+
+
+def _quote_file(name: str, exists: Callable[[str], bool]) -> str:
+    return quote_path(_expand(name)) if exists(name) else _quote_refused(_expand(name))
+
+
+def _quote_refused(value: str) -> str:
+    return value if _read(value) else quote(value)
+
+
+def _split(value: str, is_whole: Callable[[str], bool]) -> list[str]:
+    """Split at commas, but not within the longest pieces that are whole."""
+    pieces, names = value.split(","), []
+    while pieces:
+        ends = range(len(pieces), 1, -1)
+        candidates = ((end, ",".join(pieces[:end])) for end in ends)
+        end = next((end for end, text in candidates if len(text) <= LONGEST_PATH and is_whole(text)), 1)
+        names.append(",".join(pieces[:end]))
+        pieces = pieces[end:]
+    return names
+
+
+def _exists(key: str, name: str) -> bool:
+    """Whether there is such a file or folder; also a label file before the colon of a column, a pattern's folder."""
+    path = _expand(name)
+    if os.path.lexists(path) or (key == "labels" and os.path.isfile(_expand(name.rpartition(":")[0]))):
+        return True
+    folder = re.split(r"[*?]", path, maxsplit=1)[0].rpartition("/")[0]
+    return key == SHAPES and bool(folder) and glob.has_magic(path) and os.path.isdir(folder)
+
+
+def _expand(name: str) -> str:
+    return name if os.path.exists(name) else os.path.expanduser(name)
+
+
+def _read(value: str) -> Override | None:
+    """The value as Hydra reads it; None where its grammar refuses it."""
+    try:
+        return OverridesParser.create().parse_override(f"key={value}")
+    except HydraException:
+        return None
+
+
+def _meaning(value: str) -> object:
+    """The single value that Hydra reads; None for any other."""
+    read = _read(value)
+    return None if read is None or read.is_sweep_override() else read.value()
+
+
+def _is_quoted(value: str) -> bool:
+    """Whether the user put the whole value in quotes."""
+    if value[:1] not in ("'", '"'):
+        return False
+    read = _read(value)
+    return read is not None and isinstance(read._value, QuotedString)
