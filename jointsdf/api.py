@@ -36,6 +36,7 @@ from jointsdf.runs.row import ResultRow
 from jointsdf.shapes.arrays import from_arrays
 from jointsdf.shapes.readers.mesh_file import read_labelled_ply
 from jointsdf.threads import large_pieces
+from jointsdf.user_paths import expand_home
 from jointsdf.values import Shape
 from jointsdf.viewing.part_mesh import PartMesh
 
@@ -140,7 +141,7 @@ def fit(
     """
     cfg, escape = _compose(recipe, head, seed, overrides), escape_interpolations
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(TemporaryDirectory()) if out is None else out).expanduser().absolute()
+        folder = Path(stack.enter_context(TemporaryDirectory()) if out is None else expand_home(str(out))).absolute()
         cfg.shape = escape(shape.name if isinstance(shape, Shape) else str(shape))
         cfg.paths.outputs, cfg.paths.abc_missing = escape(str(folder)), "error"
         stack.enter_context(log_to_stderr(quiet))
@@ -167,7 +168,7 @@ def load_field(path: str | Path) -> JointField:
     Raises:
         InputError: There is none, or it cannot be read.
     """
-    path = Path(path).expanduser()
+    path = Path(expand_home(str(path)))
     return JointField.load(path / FIELD if path.is_dir() else path)
 
 

@@ -20,6 +20,7 @@ from jointsdf.errors import InputError
 from jointsdf.experiment import arguments, sweep
 from jointsdf.experiment import help as help_text
 from jointsdf.phases import phase
+from jointsdf.user_paths import expand_home
 
 log = logging.getLogger("jointsdf")
 failed: list[str] = []  # messages of this command's errors that the user can correct
@@ -51,7 +52,7 @@ def measure_run(cfg: DictConfig) -> None:
         configure_logging()  # loggers that came with it as well
         if OmegaConf.is_missing(cfg, "run"):
             raise InputError("run= is missing; give a finished run's folder: run=outputs/fast/base/siren/part_01/seed0")
-        row, scores = measure_again(Path(str(cfg.run)).expanduser())
+        row, scores = measure_again(Path(expand_home(str(cfg.run))))
         differing = 0
         for protocol, values in scores.items():
             for name, value in values.items():

@@ -3,7 +3,6 @@
 Imports no torch: mistakes are reported before torch is loaded.
 """
 
-import glob
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -12,7 +11,9 @@ from hydra._internal.utils import get_args_parser
 
 from jointsdf.errors import InputError
 from jointsdf.experiment.help import CONF, GROUPS
+from jointsdf.experiment.file_patterns import matching_files
 from jointsdf.experiment.quoting import check_characters, quote_override, quote_path
+from jointsdf.user_paths import expand_home
 
 SWEEP = re.compile(r"-m|--multirun|(sweeps|hydra\.mode)=.+")  # words that make a sweep of the command
 KEY = re.compile(r"\+{0,2}(\w+)[\w./@-]*=", re.ASCII)
@@ -32,14 +33,15 @@ def fit_arguments(words: Sequence[str]) -> list[str]:
     keys = {match[1] for match in map(KEY.match, overrides) if match}
     if len(bare) + len(keys & {"shape", "shapes"}) > 1 and keys & {"shape", "shapes"}:
         raise InputError(f"{(bare or ['shape='])[0]}: the shape is given twice; leave out that, shape= or shapes=")
+    given = []
     if len(bare) == 1 and not os.path.isdir(bare[0]) and os.path.lexists(bare[0]):
-        overrides.append(f"shape={quote_path(bare[0])}")
+        given.append(f"shape={quote_path(bare[0])}")
     elif bare:
-        overrides.append(f"shapes=[{','.join(map(quote_path, bare))}]")
-    if any(word.startswith("shapes=") for word in overrides) and "sweeps" not in keys:
-        overrides.append("sweeps=folder")
-    sweeps = any(map(SWEEP.fullmatch, [*options, *overrides]))
-    return [*options, *(quote_override(word, sweeps=sweeps) for word in overrides)]
+        given.append(f"shapes=[{','.join(map(quote_path, bare))}]")
+    if (len(bare) and given[0].startswith("shapes=")) or "shapes" in keys:
+        given += [] if "sweeps" in keys else ["sweeps=folder"]
+    sweeps = any(map(SWEEP.fullmatch, [*options, *overrides, *given]))
+    return [*options, *(quote_override(word, sweeps=sweeps) for word in overrides), *given]
 
 
 def evaluate_arguments(words: Sequence[str]) -> list[str]:
@@ -88,12 +90,10 @@ def _options(words: Sequence[str]) -> Iterator[tuple[str, bool]]:
 
 def _existing(word: str) -> str | None:
     """The file, folder or pattern of files that the whole word names; None where it is `key=value` or nothing."""
-    key, path = KEY.match(word), os.path.expanduser(word)
+    key, path = KEY.match(word), expand_home(word)
     if key and key[1] in _keys():
         return None
-    if os.path.lexists(word) or not (os.path.lexists(path) or (glob.has_magic(path) and glob.glob(path))):
-        return word if os.path.lexists(word) else None
-    return path
+    return path if os.path.lexists(path) or any(matching_files(path)) else None
 
 
 def _keys() -> set[str]:

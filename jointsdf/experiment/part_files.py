@@ -1,16 +1,16 @@
 """Files of a folder, or of a pattern such as `my_parts/*.stl`, that are shapes: the values of `shapes=`."""
 
-import glob
 import logging
 import os
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from jointsdf.errors import InputError
+from jointsdf.experiment.file_patterns import matching_files
 from jointsdf.experiment.quoting import check_characters
 from jointsdf.shapes.labels.beside import OF_FOLDER, possible_label_files
-from jointsdf.shapes.readers.formats import FORMATS, LISTED, format_of
+from jointsdf.shapes.readers.formats import LISTED, format_of, unread_by_name
+from jointsdf.user_paths import expand_home
 
 log = logging.getLogger(__name__)
 
@@ -26,65 +26,62 @@ def list_part_files(given: str | Sequence[str]) -> list[Path]:
         given: Folders, patterns with `*` or `**`, or files; one, or several.
 
     Raises:
-        InputError: One of them is missing, or has no shapes. One line, with the fix.
+        InputError: One of them is missing, or none has shapes. One line, with the fix.
     """
     names = [given] if isinstance(given, str) else given
-    found = dict.fromkeys(path for name in names for path in _files_of(str(name)))
-    return [path for path in found if _has_usable_name(path)]
+    files = list(dict.fromkeys(path for name in names for path in _files_of(str(name))))
+    shapes = [path for path in files if format_of(path)]
+    labels = {path for shape in shapes for path in possible_label_files(shape)}
+    _log_others([path for path in files if not format_of(path) and path not in labels and path.name != OF_FOLDER])
+    usable = [path for path in shapes if path not in labels and _has_usable_name(path)]
+    if not usable:
+        asked = f"shapes={given}" if isinstance(given, str) else ", ".join(names[:SHOWN])
+        raise InputError(f"{asked}: no file there is a shape ({LISTED}); give a folder of them, or 'my_parts/**'")
+    for folder in {path.parent for path in usable if (path.parent / OF_FOLDER).is_file()}:
+        if sum(path.parent == folder for path in usable) > 1:
+            log.warning("%s: its %s counts for each part without <part>.labels.npy of its own", folder, OF_FOLDER)
+    return usable
 
 
 def _files_of(name: str) -> list[Path]:
-    path = Path(name).expanduser()
+    path = Path(expand_home(name))
     if path.is_dir():
         return _files_in(path)
-    if os.path.lexists(path):
-        return [path]
-    matching = [Path(match) for match in sorted(glob.glob(_pattern(path), recursive=True))]
-    if shapes := _without_labels(match for match in matching if _is_shape(match)):
-        return shapes
-    what = "nothing there is a shape" if matching else "no such folder or file"
-    raise InputError(f"shapes={name}: {what}; give a folder of mesh files, or a pattern in quotes, 'my_parts/*.stl'")
-
-
-def _pattern(path: Path) -> str:
-    """The path as a pattern, in which existing folders are meant as they are called, `[v2]` and all."""
-    folder = next(parent for parent in path.parents if parent.is_dir() or parent == parent.parent or parent == Path())
-    return os.path.join(glob.escape(str(folder)), path.relative_to(folder))
+    matching = [path] if os.path.lexists(path) else sorted(map(Path, matching_files(str(path))))
+    if not matching:
+        fix = "give a folder of mesh files, or a pattern in quotes, 'my_parts/*.stl'"
+        raise InputError(f"shapes={name}: no such folder or file; {fix}")
+    return [path for path in matching if not path.is_dir()]
 
 
 def _files_in(folder: Path) -> list[Path]:
+    """Files of a folder, among them broken links, which fail as shapes; shapes below it are named."""
     try:
         entries = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
-        deeper = [path.name for path in entries if path.is_dir() and any(map(_is_shape, path.iterdir()))]
     except OSError as error:
-        raise InputError(f"{folder} cannot be read: {error.strerror}") from error
-    shapes = _without_labels(path for path in entries if _is_shape(path))
-    advice = f"shapes='{folder}/**/*.{shapes[0].suffix.lstrip('.') if shapes else FORMATS[0]}' takes them"
-    below = f"shapes in {_shorten(deeper)} below it are passed over; {advice}"
-    if not shapes:
-        formats = f"no file there is a shape ({LISTED})"
-        raise InputError(f"{folder}: {below if deeper else f'{formats}; give another folder'}")
+        raise InputError(f"{folder} cannot be read: {error.strerror}; give a folder that can") from error
+    folders = [path for path in entries if path.is_dir()]
+    deeper = [path.name for path in folders if any(map(format_of, map(Path, matching_files(f"{path}/*"))))]
     if deeper:
-        log.warning("%s: %s", folder, below)
-    if len(shapes) > 1 and (folder / OF_FOLDER).is_file():
-        log.warning("%s: its %s counts for each part without <part>.labels.npy of its own", folder, OF_FOLDER)
-    labels = {path for shape in shapes for path in possible_label_files(shape)}
-    others = [path for path in entries if path.is_file() and path not in labels and path not in shapes]
-    if kinds := Counter(path.suffix.lower() or path.name for path in others if path.name != OF_FOLDER):
-        log.info("%s: %d shapes; files of other kinds are left: %s", folder, len(shapes), _shorten(list(kinds)))
-    return shapes
+        fix = f"shapes='{folder}/**' takes them"
+        log.warning("%s: shapes in %s below it are passed over; %s", folder, _shorten(deeper), fix)
+    return [path for path in entries if path not in set(folders)]
 
 
-def _is_shape(path: Path) -> bool:
-    """Whether a file is a shape by its name; a broken link is one that fails."""
-    known = bool(format_of(path)) and not path.name.startswith(".")
-    return known and (path.is_file() or path.is_symlink()) and not path.is_dir()
-
-
-def _without_labels(paths: Iterable[Path]) -> list[Path]:
-    shapes = list(paths)
-    labels = {path for shape in shapes for path in possible_label_files(shape)}
-    return [path for path in shapes if path not in labels]
+def _log_others(files: Sequence[Path]) -> None:
+    """Name files that are not read: those of CAD systems and the like with what to do, of others their kinds."""
+    fixable: dict[str, list[str]] = {}
+    others: dict[str, None] = {}
+    for path in files:
+        unread = unread_by_name(path)
+        if unread and not unread.fix.startswith("give "):  # another file, since this one can never be a shape
+            fixable.setdefault(f"{unread.name}: {unread.fix}", []).append(str(path))
+        else:
+            others[path.suffix.lower() or path.name] = None
+    for what, names in fixable.items():
+        log.warning("passed over: %s: %s", _shorten(names), what)
+    if others:
+        log.info("files of other kinds are left: %s", _shorten(list(others)))
 
 
 def _has_usable_name(path: Path) -> bool:

@@ -4,7 +4,6 @@ The grammar (hydra-core 1.3, `OverrideLexer.g4`) gives a meaning to `, = ( ) [ ]
 every letter beyond ASCII; OmegaConf then resolves `${...}`.
 """
 
-import glob
 import os
 import re
 from collections.abc import Callable
@@ -15,14 +14,17 @@ from hydra.core.override_parser.types import Override, Quote, QuotedString, Valu
 from hydra.errors import HydraException
 
 from jointsdf.errors import InputError
+from jointsdf.experiment.file_patterns import matching_files
+from jointsdf.user_paths import expand_home
 
 OVERRIDE = re.compile(r"(?P<key>\+{0,2}[A-Za-z_][\w./@-]*)=(?P<value>.*)", re.DOTALL | re.ASCII)
 FILES = ("shape", "shapes", "labels", "partfield_dir", "run")  # keys of files and folders, besides those below `paths`
 SHAPES = "shapes"  # whose commas make a list, and not a sweep
 NAMES = ("study", "variant")  # keys of free text
+QUOTES = ("'", '"')
 BRACKETS = re.compile(r"[()\[\]{}]")  # of lists, mappings and functions, whose typing errors Hydra explains
 UNUSABLE = re.compile(r"[\x00-\x08\x0a-\x1f\x7f\x85\u2028\u2029\ud800-\udfff]")  # line breaks, controls, no UTF-8
-LONGEST_PATH = 4096  # characters
+LONGEST_NAME, LONGEST_PATH = 255, 4096  # characters: Linux's limits
 
 
 def quote_override(word: str, *, sweeps: bool = False) -> str:
@@ -62,7 +64,7 @@ def quote_path(path: str) -> str:
     >>> print(quote_path("it's ${x}.stl"))
     'it\'s \${x}.stl'
     """
-    return quote(escape_interpolations(path))
+    return quote(escape_interpolations(expand_home(path)))
 
 
 def quote(text: str) -> str:
@@ -93,8 +95,9 @@ def _quote_files(key: str, value: str, sweeps: bool) -> str:
     """Quote names of files and folders that exist, with `~` expanded; of others, what the grammar refuses."""
     exists = partial(_exists, key)
     if exists(value):
-        return quote_path(_expand(value))
-    value, read = _expand(value), _read(_expand(value))
+        return quote_path(value)
+    value = expand_home(value)
+    read = _read(value)
     names = _split(value, lambda text: exists(text) or _is_quoted(text))
     if len(names) == 1:
         return _quote_refused(value)
@@ -109,7 +112,7 @@ def _quote_files(key: str, value: str, sweeps: bool) -> str:
 
 
 def _quote_file(name: str, exists: Callable[[str], bool]) -> str:
-    return quote_path(_expand(name)) if exists(name) else _quote_refused(_expand(name))
+    return quote_path(name) if exists(name) else _quote_refused(expand_home(name))
 
 
 def _quote_refused(value: str) -> str:
@@ -120,25 +123,35 @@ def _split(value: str, is_whole: Callable[[str], bool]) -> list[str]:
     """Split at commas, but not within the longest pieces that are whole."""
     pieces, names = value.split(","), []
     while pieces:
-        ends = range(len(pieces), 1, -1)
-        candidates = ((end, ",".join(pieces[:end])) for end in ends)
-        end = next((end for end, text in candidates if len(text) <= LONGEST_PATH and is_whole(text)), 1)
-        names.append(",".join(pieces[:end]))
-        pieces = pieces[end:]
+        whole = text = pieces[0]
+        for piece in pieces[1:]:
+            text += f",{piece}"
+            if not _may_be_whole(text):
+                break
+            if is_whole(text):
+                whole = text
+        names.append(whole)
+        del pieces[: whole.count(",") + 1]
     return names
 
 
-def _exists(key: str, name: str) -> bool:
-    """Whether there is such a file or folder; also a label file before the colon of a column, a pattern's folder."""
-    path = _expand(name)
-    if os.path.lexists(path) or (key == "labels" and os.path.isfile(_expand(name.rpartition(":")[0]))):
+def _may_be_whole(text: str) -> bool:
+    """Whether a text with commas, or a longer one that begins with it, can be in quotes or the name of a file."""
+    if text.startswith(QUOTES):
         return True
-    folder = re.split(r"[*?]", path, maxsplit=1)[0].rpartition("/")[0]
-    return key == SHAPES and bool(folder) and glob.has_magic(path) and os.path.isdir(folder)
+    folder, _, name = expand_home(text).rpartition("/")
+    known = not folder or bool(re.search(r"[*?\[]", folder)) or os.path.isdir(folder)
+    return known and len(name) <= LONGEST_NAME and len(text) <= LONGEST_PATH
 
 
-def _expand(name: str) -> str:
-    return name if os.path.exists(name) else os.path.expanduser(name)
+def _exists(key: str, name: str) -> bool:
+    """Whether there is such a file or folder; also a label file before the colon of a column, files of a pattern."""
+    path = expand_home(name)
+    if os.path.lexists(path):
+        return True
+    if key == "labels":
+        return any(os.path.isfile(path[: colon.start()]) for colon in re.finditer(":", path))
+    return key == SHAPES and any(matching_files(path))
 
 
 def _read(value: str) -> Override | None:
@@ -157,7 +170,7 @@ def _meaning(value: str) -> object:
 
 def _is_quoted(value: str) -> bool:
     """Whether the user put the whole value in quotes."""
-    if value[:1] not in ("'", '"'):
+    if not (value.startswith(QUOTES) and value.endswith(value[0])):
         return False
     read = _read(value)
     return read is not None and isinstance(read._value, QuotedString)

@@ -13,6 +13,7 @@ from jointsdf import shapes
 from jointsdf.errors import InputError, first_line
 from jointsdf.runs.fingerprint import fingerprint_of
 from jointsdf.shapes.stored import shape_identity
+from jointsdf.user_paths import expand_home
 from jointsdf.values import Shape
 
 
@@ -74,13 +75,13 @@ def resolve_settings(cfg: DictConfig, shape: Shape, rate: float) -> tuple[dict[s
         The settings, valid from any working directory, and those of them that decide the run's numbers.
     """
     settings = resolve(cfg)
-    given = Path(str(cfg.shape)).expanduser()
+    given = Path(expand_home(str(cfg.shape)))
     settings["shape"] = str(given.resolve()) if given.is_file() and shape.name != str(cfg.shape) else shape.name
-    if Path(str(cfg.labels)).expanduser().is_file():
-        settings["labels"] = str(Path(str(cfg.labels)).expanduser().resolve())
+    if Path(expand_home(str(cfg.labels))).is_file():
+        settings["labels"] = str(Path(expand_home(str(cfg.labels))).resolve())
     if settings["partfield_dir"] is not None:
-        settings["partfield_dir"] = str(Path(str(settings["partfield_dir"])).expanduser().resolve())
-    settings["paths"]["abc_root"] = str(Path(cfg.paths.abc_root).expanduser().resolve())
+        settings["partfield_dir"] = str(Path(expand_home(str(settings["partfield_dir"]))).resolve())
+    settings["paths"]["abc_root"] = str(Path(expand_home(str(cfg.paths.abc_root))).resolve())
     fingerprint = fingerprint_of(settings, **shape_identity(shape))
     if rate == 1:  # a limit that the shape does not reach decides nothing
         del fingerprint["trainer"]["full_rate_area"]

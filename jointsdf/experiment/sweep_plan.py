@@ -13,6 +13,8 @@ from jointsdf.experiment.sweep_configs import expand_shapes, launch_one_by_one, 
 from jointsdf.runs import status
 from jointsdf.runs.folder import finished_row
 
+log = logging.getLogger(__name__)
+
 
 def plan_sweep(config: DictConfig) -> list[Path]:
     """Fix the runs that Hydra makes, and in which order.
@@ -30,16 +32,23 @@ def plan_sweep(config: DictConfig) -> list[Path]:
         InputError: `shapes` names no files.
     """
     over_files = expand_shapes(config)
-    folders, left = [], dict[str, bool]()  # shape -> whether a run of it is left to do
+    launch_one_by_one(config)
+    if not over_files:
+        return [folder_of(cfg) for cfg in sweep_configs(config)]
+    shape_of: dict[Path, str] = {}  # run folder -> file
+    left: dict[str, bool] = {}  # file -> whether a run of it is left to do
+    twins: dict[str, str] = {}  # file -> another one with the same folders
     for cfg in sweep_configs(config):
         folder = folder_of(cfg)
-        folders.append(folder)
-        if over_files and not left.get(cfg.shape):
+        first = shape_of.setdefault(folder, cfg.shape)
+        if first != cfg.shape:
+            twins[cfg.shape] = first
+        elif not left.get(cfg.shape):
             left[cfg.shape] = not _is_finished(cfg, folder)
-    if over_files and not all(left.values()):
-        set_shapes(config, [shape for shape, to_do in left.items() if to_do] or list(left)[-1:])
-    launch_one_by_one(config)
-    return folders
+    for shape, first in twins.items():
+        log.warning("passed over: %s has name and content of %s; rename it to have runs of its own", shape, first)
+    set_shapes(config, [shape for shape, to_do in left.items() if to_do] or list(left)[-1:])
+    return list(shape_of)
 
 
 def _is_finished(cfg: DictConfig, folder: Path) -> bool:

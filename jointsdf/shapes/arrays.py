@@ -15,6 +15,7 @@ from jointsdf.shapes.labels.providers import PROVIDERS, UnlabelledShape, provide
 from jointsdf.shapes.loading import LabelRequest
 from jointsdf.shapes.readers.file_mesh import FileMesh, check_mesh
 from jointsdf.shapes.repair import repair_mesh
+from jointsdf.user_paths import expand_home
 from jointsdf.values import UNLABELLED, LabelledMesh, Shape
 
 
@@ -48,7 +49,7 @@ def from_arrays(
     solid = repair_mesh(called, points, triangles)
     mesh = LabelledMesh(solid.vertices, solid.faces, np.full(len(solid.faces), UNLABELLED))
     if isinstance(labels, str):
-        folder = None if partfield_dir is None else Path(partfield_dir).expanduser()
+        folder = None if partfield_dir is None else Path(expand_home(str(partfield_dir)))
         request = LabelRequest(labels, num_parts, folder, needed=False)
         unlabelled = UnlabelledShape(
             called,

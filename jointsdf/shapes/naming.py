@@ -6,6 +6,7 @@ from pathlib import Path
 
 from jointsdf.shapes import abc, builtin
 from jointsdf.shapes.readers.formats import stem_of
+from jointsdf.user_paths import expand_home
 
 FALLBACK = "part_01"  # in place of an ABC mesh that is not on this machine
 LONGEST_STEM = 100  # characters
@@ -31,7 +32,7 @@ def name_of(shape: str, *, abc_root: str | Path, abc_missing: str) -> str:
     if shape in abc.catalogue():
         fallback = abc_missing == "fallback" and not abc.mesh_path(shape, abc_root).is_file()
         return FALLBACK if fallback else shape
-    path = Path(shape).expanduser()
+    path = Path(expand_home(shape))
     if shape in builtin.BUILTINS or not path.is_file():
         return _safe_stem(path)
     try:

@@ -20,6 +20,7 @@ from jointsdf.shapes.readers import abc_features
 from jointsdf.shapes.readers.file_mesh import FileMesh
 from jointsdf.shapes.readers.mesh_file import read_labelled_ply
 from jointsdf.shapes.segmentation.hierarchy import build_hierarchy
+from jointsdf.user_paths import expand_home
 from jointsdf.values import UNLABELLED, LabelledMesh
 
 Labels = tuple[Int[ndarray, " f"], str]
@@ -126,7 +127,7 @@ def provide(labels: str, shape: UnlabelledShape) -> Labels:
     """
     if labels in PROVIDERS:
         return PROVIDERS[labels](shape)
-    path = Path(labels).expanduser()
+    path = Path(expand_home(labels))
     if path.is_file():
         return from_file(shape, path)
     if path.suffix or len(path.parts) > 1:
