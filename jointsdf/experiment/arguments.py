@@ -10,8 +10,8 @@ from collections.abc import Iterator, Sequence
 from hydra._internal.utils import get_args_parser
 
 from jointsdf.errors import InputError
-from jointsdf.experiment.help import CONF, GROUPS
 from jointsdf.experiment.file_patterns import matching_files
+from jointsdf.experiment.help import CONF, GROUPS
 from jointsdf.experiment.quoting import check_characters, quote_override, quote_path
 from jointsdf.user_paths import expand_home
 

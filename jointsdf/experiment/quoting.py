@@ -20,7 +20,8 @@ from jointsdf.user_paths import expand_home
 OVERRIDE = re.compile(r"(?P<key>\+{0,2}[A-Za-z_][\w./@-]*)=(?P<value>.*)", re.DOTALL | re.ASCII)
 FILES = ("shape", "shapes", "labels", "partfield_dir", "run")  # keys of files and folders, besides those below `paths`
 SHAPES = "shapes"  # whose commas make a list, and not a sweep
-NAMES = ("study", "variant")  # keys of free text
+PATHS = "paths."  # what the keys of folders begin with
+NAMES = ("study", "variant")  # keys of free text, the names of folders
 QUOTES = ("'", '"')
 BRACKETS = re.compile(r"[()\[\]{}]")  # of lists, mappings and functions, whose typing errors Hydra explains
 UNUSABLE = re.compile(r"[\x00-\x08\x0a-\x1f\x7f\x85\u2028\u2029\ud800-\udfff]")  # line breaks, controls, no UTF-8
@@ -31,7 +32,8 @@ def quote_override(word: str, *, sweeps: bool = False) -> str:
     """Quote the value of an override `key=value` where the grammar would refuse it or read another one.
 
     An existing file or folder is meant as it is called, for the keys of files; the commas of a list part the names, and
-    no name. Other values are quoted only where the grammar refuses them, and keep their interpolations.
+    no name. Names of new folders are text, `007` as well. Other values are quoted only where the grammar refuses them,
+    and keep their interpolations.
 
     Args:
         word: The override; one without a value is returned as it is.
@@ -51,9 +53,11 @@ def quote_override(word: str, *, sweeps: bool = False) -> str:
         return word
     key, value = found["key"], found["value"]
     name = key.lstrip("+")
-    if name in FILES or name.startswith("paths."):
+    if name in FILES or name.startswith(PATHS):
         return f"{key}={_quote_files(name, value, sweeps)}"
-    if _read(value) or (BRACKETS.search(value.replace("${", "")) and name not in NAMES):
+    if name in NAMES:
+        return f"{key}={_quote_text(value, sweeps)}"
+    if _read(value) or BRACKETS.search(value.replace("${", "")):
         return word
     return f"{key}={','.join(map(_quote_refused, _split(value, _is_quoted)))}" if sweeps else f"{key}={quote(value)}"
 
@@ -99,6 +103,8 @@ def _quote_files(key: str, value: str, sweeps: bool) -> str:
     value = expand_home(value)
     read = _read(value)
     names = _split(value, lambda text: exists(text) or _is_quoted(text))
+    if key.startswith(PATHS) and (len(names) == 1 or not sweeps):
+        return _quote_text(value, sweeps)
     if len(names) == 1:
         return _quote_refused(value)
     plain = read is None or read.value_type is ValueType.SIMPLE_CHOICE_SWEEP
@@ -109,6 +115,15 @@ def _quote_files(key: str, value: str, sweeps: bool) -> str:
     if read or sweeps or any(map(exists, names)):
         return ",".join(_quote_file(name, exists) for name in names)
     return quote(value)
+
+
+def _quote_text(value: str, sweeps: bool) -> str:
+    """Quote free text that the grammar refuses or does not read as one text: `007`, `null`, `a,b` of one run."""
+    read = _read(value)
+    if sweeps and "," in value and (read is None or (read.is_choice_sweep() and not BRACKETS.search(value))):
+        return ",".join(_quote_text(name, sweeps=False) for name in _split(value, _is_quoted))
+    is_text = read is not None and isinstance(read._value, str | QuotedString)
+    return value if is_text or (sweeps and read and read.is_sweep_override()) else quote(value)
 
 
 def _quote_file(name: str, exists: Callable[[str], bool]) -> str:

@@ -60,7 +60,8 @@ def resolve(cfg: DictConfig) -> dict[str, Any]:
 def folder_of(cfg: DictConfig) -> Path:
     """Run folder of a config; the shape is not loaded."""
     name = shapes.name_of(str(cfg.shape), abc_root=cfg.paths.abc_root, abc_missing=cfg.paths.abc_missing)
-    return Path(cfg.paths.outputs, cfg.study, cfg.variant, cfg.head.name, name, f"seed{cfg.seed}")
+    names = (cfg.paths.outputs, cfg.study, cfg.variant, cfg.head.name, name, f"seed{cfg.seed}")
+    return Path(*map(str, names))  # numbers too: variant=range(3) of a sweep
 
 
 def resolve_settings(cfg: DictConfig, shape: Shape, rate: float) -> tuple[dict[str, Any], dict[str, Any]]:

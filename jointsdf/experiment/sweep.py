@@ -44,11 +44,13 @@ class ActiveSweep:
         wanted: Run folders, in the order of the runs.
         started: Time of the start, seconds since the epoch.
         postponed: Configs of runs that another process works on.
+        finished: Runs that were finished before, as in `sweep_plan.Plan`.
     """
 
     wanted: list[Path] = field(default_factory=list)
     started: float = field(default_factory=time.time)
     postponed: list[DictConfig] = field(default_factory=list)
+    finished: list[tuple[DictConfig, dict[str, Any]]] = field(default_factory=list)
 
 
 active_sweep = ActiveSweep()
@@ -70,15 +72,15 @@ class Sweep(Callback):
         configure_logging()  # loggers that came with it as well
         _check_engine(config)
         try:
-            folders = plan_sweep(config)
+            plan = plan_sweep(config)
         except InputError as error:
             log.error("error: %s", error)
             raise SystemExit(2) from error
-        active_sweep = ActiveSweep(list(dict.fromkeys(folders)))
+        active_sweep = ActiveSweep(list(dict.fromkeys(plan.folders)), finished=plan.finished)
         for study in {folder.parents[STUDY_LEVEL] for folder in active_sweep.wanted}:
             status.plan(study, [folder for folder in active_sweep.wanted if folder.parents[STUDY_LEVEL] == study])
-        if len(active_sweep.wanted) < len(folders):
-            what = f"{len(folders)} runs share {len(active_sweep.wanted)} folders"
+        if len(active_sweep.wanted) < len(plan.folders):
+            what = f"{len(plan.folders)} runs share {len(active_sweep.wanted)} folders"
             log.warning("%s: name what differs in variant=, e.g. 'variant=tap=${trunk.tap}'", what)
         done = Counter(status.read_state(folder).kind for folder in active_sweep.wanted)["done"]
         log.info("%d runs wanted, %d of them finished before", len(active_sweep.wanted), done)
@@ -128,7 +130,10 @@ def run_one(cfg: DictConfig, *, wait_for_others: bool = False) -> float | None:
 
 
 def wait_for_postponed() -> None:
-    """Wait for the runs that other processes worked on, and make those that they left unfinished."""
+    """Check the runs that were finished before, and make those that other processes worked on and left unfinished."""
+    for cfg, values in active_sweep.finished:
+        cfg.update(values)
+        run_one(cfg, wait_for_others=True)
     for cfg in active_sweep.postponed:
         run_one(cfg, wait_for_others=True)
 

@@ -1,32 +1,41 @@
-"""Plan of a sweep before its first run: files of `shapes=`, run folders, and the parts that are finished already."""
+"""Plan of a sweep before its first run: files of `shapes=`, run folders, and the runs that are finished already."""
 
 import logging
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from omegaconf import DictConfig
 
-from jointsdf.cli_logging import log_levels, one_line
-from jointsdf.data.point_cloud import Cloud
-from jointsdf.experiment import build
-from jointsdf.experiment.settings import folder_of, resolve_settings
+from jointsdf.experiment.quoting import escape_interpolations
+from jointsdf.experiment.settings import folder_of
 from jointsdf.experiment.sweep_configs import expand_shapes, launch_one_by_one, set_shapes, sweep_configs
 from jointsdf.runs import status
-from jointsdf.runs.folder import finished_row
 
 log = logging.getLogger(__name__)
 
 
-def plan_sweep(config: DictConfig) -> list[Path]:
+@dataclass(frozen=True)
+class Plan:
+    """Runs of a sweep.
+
+    Attributes:
+        folders: Folder of every wanted run, finished or not; one for each run.
+        finished: Finished runs that Hydra leaves out: a config that they share, and their own plain values of it.
+    """
+
+    folders: list[Path]
+    finished: list[tuple[DictConfig, dict[str, Any]]] = field(default_factory=list)
+
+
+def plan_sweep(config: DictConfig) -> Plan:
     """Fix the runs that Hydra makes, and in which order.
 
-    Of a sweep over files, parts whose runs are all finished are left out here: through Hydra's composition each would
-    take half a second more.
+    Of a sweep over files, parts whose runs are all finished are left out, so that what is left to do begins at once;
+    whether they are still runs of the same config is for the caller to check afterwards.
 
     Args:
         config: The sweep's own config, with Hydra's node; changed in place.
-
-    Returns:
-        Folder of every wanted run, finished or not.
 
     Raises:
         InputError: `shapes` names no files.
@@ -34,38 +43,21 @@ def plan_sweep(config: DictConfig) -> list[Path]:
     over_files = expand_shapes(config)
     launch_one_by_one(config)
     if not over_files:
-        return [folder_of(cfg) for cfg in sweep_configs(config)]
+        return Plan([folder_of(cfg) for cfg in sweep_configs(config)])
     shape_of: dict[Path, str] = {}  # run folder -> file
-    left: dict[str, bool] = {}  # file -> whether a run of it is left to do
+    runs: dict[str, list[tuple[DictConfig, dict[str, Any]]]] = {}  # file -> its runs
     twins: dict[str, str] = {}  # file -> another one with the same folders
+    left: set[str] = set()  # files with a run that is not finished
     for cfg in sweep_configs(config):
-        folder = folder_of(cfg)
-        first = shape_of.setdefault(folder, cfg.shape)
-        if first != cfg.shape:
-            twins[cfg.shape] = first
-        elif not left.get(cfg.shape):
-            left[cfg.shape] = not _is_finished(cfg, folder)
+        folder, shape = folder_of(cfg), str(cfg.shape)
+        if (first := shape_of.setdefault(folder, shape)) != shape:
+            twins[shape] = first
+            continue
+        runs.setdefault(shape, []).append((cfg, {"shape": escape_interpolations(shape), "seed": cfg.seed}))
+        if cfg.force or status.read_state(folder).kind != "done":
+            left.add(shape)
     for shape, first in twins.items():
         log.warning("passed over: %s has name and content of %s; rename it to have runs of its own", shape, first)
-    set_shapes(config, [shape for shape, to_do in left.items() if to_do] or list(left)[-1:])
-    return list(shape_of)
-
-
-def _is_finished(cfg: DictConfig, folder: Path) -> bool:
-    """Whether the folder holds this very run's row; what cannot be used is reported by the run itself."""
-    if cfg.force or status.read_state(folder).kind != "done":
-        return False
-
-    def draw_cloud() -> Cloud:
-        return build.cloud_of(cfg, shape)
-
-    try:
-        with log_levels({"jointsdf": logging.ERROR}):
-            build.check_config(cfg)
-            shape = build.load_shape(cfg)
-            _, fingerprint = resolve_settings(cfg, shape, build.trunk_rate(cfg, shape, draw_cloud))
-            return finished_row(folder, fingerprint, force=False, reuse=cfg.reuse) is not None
-    except Exception as error:
-        if one_line(error) is None:
-            raise
-        return False
+    launched = [shape for shape in runs if shape in left] or list(runs)[-1:]  # Hydra makes one at least
+    set_shapes(config, launched)
+    return Plan(list(shape_of), [run for shape in runs if shape not in launched for run in runs[shape]])

@@ -1,16 +1,19 @@
 """A folder of parts is a study: one run for each file, strange names, labels beside them, a bad file named."""
 
 import csv
+import logging
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from click.testing import CliRunner
 from command_line import assert_one_line_error, call, train
 from run_folders import folders_with, row_of
 from strange_names import STRANGE
 
 import jointsdf
+from jointsdf.cli import main
 from jointsdf.errors import InputError
 from jointsdf.experiment import sweep
 from jointsdf.experiment.part_files import list_part_files
@@ -31,7 +34,7 @@ def parts(tmp_path: Path) -> Path:
         BOX.export(folder / name, file_type="stl")
     (folder / "empty.obj").write_text("# nothing\n")
     np.save(folder / "box.labels.npy", np.arange(12) // 4)
-    for name in ("box.mtl", "picture.png", ".hidden.stl", "buffer.bin"):
+    for name in ("box.mtl", "picture.png", ".hidden.stl", "buffer.bin", "a.sldprt", "b.SLDPRT"):
         (folder / name).touch()
     return folder
 
@@ -41,26 +44,27 @@ def test_each_file_is_a_run_and_a_bad_one_is_named(tmp_path, parts, caplog, monk
     answer = train(out, str(parts))
     assert answer.code == 1, answer.text
     assert "shapes in older below it are passed over" in answer.text
+    assert f"passed over: {parts}/a.sldprt, {parts}/b.SLDPRT: a SolidWorks file: export it as STEP" in answer.text
     assert answer.lines[-1] == "3 runs: 2 done, 0 skipped, 1 failed, 0 missing"
     (failure,) = (line for line in answer.lines if line.startswith("failed: "))
     assert f"{parts}/empty.obj" in failure
     rows = {
         row["shape"].rpartition("-")[0]: row for row in map(row_of, map(out.joinpath, folders_with("result.json", out)))
     }
-    assert rows.keys() == {"box", "nut___bolt___Geh_use_1_"}
+    assert rows.keys() == {"box", "nut___bolt___Gehäuse_1_"}
     assert rows["box"]["provenance"]["label_provider"] == "file:box.labels.npy"
     assert rows["box"]["num_parts"] == 3
     tried: list[str] = []
     run_one = sweep.run_one
-    monkeypatch.setattr(sweep, "run_one", lambda cfg: tried.append(Path(cfg.shape).name) or run_one(cfg))
+    monkeypatch.setattr(sweep, "run_one", lambda cfg, **how: tried.append(Path(cfg.shape).name) or run_one(cfg, **how))
     again = train(out, "sweeps=folder", f"shapes={parts}/*")
     assert again.lines[-1] == "3 runs: 0 done, 2 skipped, 1 failed, 0 missing"
-    assert tried == ["empty.obj"]
+    assert tried == ["empty.obj", "box.stl", "nut & bolt, (Gehäuse=1).STL"], "first what is left to do"
     np.save(parts / "box.labels.npy", np.arange(12) // 2)
     changed = train(out, str(parts))
     assert "labels_sha256" in next(line for line in changed.lines if line.startswith("error: base/siren/box-"))
-    assert tried == ["empty.obj", "box.stl", "empty.obj"]
     assert len(folders_with("result.json", out)) == 2
+    caplog.set_level(logging.INFO)
     assert study(["status", "folder", str(out)]) == 0
     assert "3 runs: 1 done, 2 failed" in caplog.text
     assert study(["tables", str(out)]) == 0
@@ -97,21 +101,21 @@ def test_the_library_takes_the_same_names(tmp_path) -> None:
 def test_planned_folders_are_those_of_hydras_own_runs(tmp_path, monkeypatch) -> None:
     made: list[tuple[str, Path]] = []
     monkeypatch.setattr(sweep, "run_one", lambda cfg: made.append((cfg.shape, folder_of(cfg))))
-    kinds = ("comma", "backslashes before quotes", "interpolation", "decomposed")
+    kinds = ("comma", "backslashes before quotes", "interpolation")
     names = sorted(str(tmp_path / "parts" / f"{STRANGE[kind]}.stl") for kind in kinds)
     (tmp_path / "parts").mkdir()
     for number, name in enumerate(names):
         Path(name).write_bytes(str(number).encode())
-    taps = ("trunk.tap=2,3", "variant=tap=${trunk.tap}", f"paths.outputs={tmp_path}/out")
-    call("train.py", "-m", f"shape={','.join(names)}", *taps)
+    others = ("variant=seed=${seed}", f"paths.outputs={tmp_path}/out")
+    call("train.py", "-m", f"shape={','.join(names)}", "seed=4,5", *others)
     assert [name for name, _ in made] == [name for name in names for _ in range(2)]
     assert status.planned_runs(tmp_path / "out/fast") == [folder for _, folder in made]
     assert len({folder for _, folder in made}) == 2 * len(names)
     del made[:]
-    call("train.py", str(tmp_path / "parts"), *taps[1:])
+    CliRunner().invoke(main, ["fit", str(tmp_path / "parts"), *others])
     assert [name for name, _ in made] == names
     assert status.planned_runs(tmp_path / "out/folder") == [folder for _, folder in made]
-    assert {folder.parts[-4] for _, folder in made} == {"tap=3"}
+    assert {folder.parts[-4] for _, folder in made} == {"seed=0"}
 
 
 @pytest.mark.parametrize(
@@ -145,4 +149,18 @@ def test_the_files_that_are_shapes(parts, caplog) -> None:
     assert "passed over" in caplog.text
     assert names(f"{parts}/b*.stl") == ["box.stl"]
     assert names(f"{parts}/**/*.stl") == ["box.stl", "older/box.stl"]
+    assert names(f"{parts}/**") == [*here, "older/box.stl"]
+    by_shell = [str(path) for path in sorted(parts.glob("*")) if not path.name.startswith(".")]
+    assert {path.name for path in list_part_files(by_shell)} == {*here}
     assert list_part_files([str(parts / "box.stl"), str(parts)]) == [parts / name for name in here]
+
+
+def test_a_file_of_the_same_name_and_content_is_passed_over(tmp_path, monkeypatch) -> None:
+    made: list[str] = []
+    monkeypatch.setattr(sweep, "run_one", lambda cfg: made.append(cfg.shape))
+    for name in ("a b.stl", "a_b.stl", "c.stl"):
+        BOX.export(tmp_path / name)
+    answer = call("train.py", str(tmp_path), "head=none,relu", f"paths.outputs={tmp_path}/out")
+    assert made == [f"{tmp_path}/{name}.stl" for name in ("a b", "a b", "c", "c")]
+    assert f"passed over: {tmp_path}/a_b.stl has name and content of {tmp_path}/a b.stl" in answer.text
+    assert answer.lines[-1] == "4 runs: 0 done, 0 skipped, 0 failed, 4 missing"

@@ -29,6 +29,9 @@ def test_two_label_files_are_refused(tmp_path: Path) -> None:
         (tmp_path / name).touch()
     with pytest.raises(InputError, match=r"a.labels.npy and a_labels.txt"):
         find_label_file(tmp_path / "a.stl")
+    path = put(tmp_path, "a.ply", exported("ply"))
+    np.save(tmp_path / "a.labels.npy", SIDES)
+    assert load(path, labels=str(tmp_path / "a.labels.npy")).label_provider == "file:a.labels.npy"
 
 
 def test_auto_takes_them(tmp_path: Path) -> None:
