@@ -27,6 +27,7 @@ from jointsdf.errors import InputError, first_line, require_one_of
 from jointsdf.experiment import build
 from jointsdf.experiment.help import choices
 from jointsdf.experiment.process import process_settings
+from jointsdf.experiment.quoting import escape_interpolations, quote_override
 from jointsdf.experiment.run import Outcome, fit_shape
 from jointsdf.experiment.stopwatch import Stopwatch
 from jointsdf.model.field import JointField
@@ -35,6 +36,7 @@ from jointsdf.runs.row import ResultRow
 from jointsdf.shapes.arrays import from_arrays
 from jointsdf.shapes.labels.columns import read_own_labels
 from jointsdf.threads import large_pieces
+from jointsdf.user_paths import expand_home
 from jointsdf.values import Shape
 from jointsdf.viewing.part_mesh import PartMesh
 
@@ -137,11 +139,11 @@ def fit(
         InputError: The shape, its labels or a value cannot be used, or the folder holds another run.
         KeyboardInterrupt: Ctrl-C; with `out` the same call resumes.
     """
-    cfg = _compose(recipe, head, seed, overrides)
+    cfg, escape = _compose(recipe, head, seed, overrides), escape_interpolations
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(TemporaryDirectory()) if out is None else out).expanduser().absolute()
-        cfg.shape = shape.name if isinstance(shape, Shape) else str(shape)
-        cfg.paths.outputs, cfg.paths.abc_missing = str(folder), "error"
+        folder = Path(stack.enter_context(TemporaryDirectory()) if out is None else expand_home(str(out))).absolute()
+        cfg.shape = escape(shape.name if isinstance(shape, Shape) else str(shape))
+        cfg.paths.outputs, cfg.paths.abc_missing = escape(str(folder)), "error"
         stack.enter_context(log_to_stderr(quiet))
         build.check_config(cfg)
         if cfg.reuse:
@@ -166,14 +168,14 @@ def load_field(path: str | Path) -> JointField:
     Raises:
         InputError: There is none, or it cannot be read.
     """
-    path = Path(path).expanduser()
+    path = Path(expand_home(str(path)))
     return JointField.load(path / FIELD if path.is_dir() else path)
 
 
 def _compose(recipe: str, head: str, seed: int, overrides: Sequence[str]) -> DictConfig:
     require_one_of("recipe", recipe, choices("recipe"))
     require_one_of("head", head, choices("head"))
-    overrides = [f"recipe={recipe}", f"head={head}", f"seed={seed}", *overrides]
+    overrides = [f"recipe={recipe}", f"head={head}", f"seed={seed}", *map(quote_override, overrides)]
     try:
         with initialize_config_module("jointsdf.conf", version_base="1.3"):
             return compose("config", overrides)

@@ -3,7 +3,7 @@
 import logging
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
@@ -17,9 +17,10 @@ from omegaconf import DictConfig, OmegaConf
 import jointsdf
 from jointsdf.cli_logging import configure_logging, user_errors
 from jointsdf.errors import InputError
+from jointsdf.experiment import arguments, sweep
 from jointsdf.experiment import help as help_text
-from jointsdf.experiment import sweep
 from jointsdf.phases import phase
+from jointsdf.user_paths import expand_home
 
 log = logging.getLogger("jointsdf")
 failed: list[str] = []  # messages of this command's errors that the user can correct
@@ -51,7 +52,7 @@ def measure_run(cfg: DictConfig) -> None:
         configure_logging()  # loggers that came with it as well
         if OmegaConf.is_missing(cfg, "run"):
             raise InputError("run= is missing; give a finished run's folder: run=outputs/fast/base/siren/part_01/seed0")
-        row, scores = measure_again(Path(str(cfg.run)))
+        row, scores = measure_again(Path(expand_home(str(cfg.run))))
         differing = 0
         for protocol, values in scores.items():
             for name, value in values.items():
@@ -71,7 +72,8 @@ def fit() -> int:
     if _asks_for_help():
         click.echo(help_text.fit_help(sys.argv[0]))
         return 0
-    failed.clear()
+    if not _arguments_read(arguments.fit_arguments):
+        return 2
     warnings.filterwarnings("ignore", r"\s*'hydra/launcher/ray' is validated")  # by the plugin's schema, as intended
     unfinished = 0
     try:
@@ -92,9 +94,18 @@ def evaluate() -> int:
     if _asks_for_help():
         click.echo(help_text.evaluate_help(sys.argv[0]))
         return 0
-    failed.clear()
+    if not _arguments_read(arguments.evaluate_arguments):
+        return 2
     measure_run()
     return 2 if failed else 0
+
+
+def _arguments_read(read: Callable[[Sequence[str]], list[str]]) -> bool:
+    """Put what the user typed into the words that Hydra accepts; False after an error, which is logged."""
+    failed.clear()
+    with user_errors(failed):
+        sys.argv[1:] = read(sys.argv[1:])
+    return not failed
 
 
 def _asks_for_help() -> bool:

@@ -93,7 +93,6 @@ def test_a_bad_value_is_one_line_and_leaves_nothing(tmp_path, override, named):
         (["trainer.steps=3"], ["steps"]),
         (["recipe=slow"], ["slow", "fast"]),
         (["loss=papers"], ["papers", "paper"]),
-        (["shape"], ["shape"]),
     ],
 )
 def test_what_hydra_refuses_is_no_traceback(tmp_path, arguments, named):

@@ -33,6 +33,8 @@ def check_settings(settings: Mapping[str, Any]) -> None:
     """
     for key, accepted in (CHOICES | {"evaluation.primary": tuple(settings["evaluation"]["protocols"])}).items():
         require_one_of(key, value_at(settings, key), accepted)
+    if settings.get("shapes") is not None:
+        raise InputError(f"shapes={settings['shapes']}: add sweeps=folder, or give one file as shape=")
     for key in NAMES:
         name = str(settings[key])
         if not name or set("/\\\0") & set(name) or name.startswith("."):

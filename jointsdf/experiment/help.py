@@ -23,6 +23,7 @@ def fit_help(program: str) -> str:
     defaults = dict(DEFAULT.findall(config))
     lines = [
         f"Usage: {program} [key=value ...]              one run: fit, extract and measure a shape",
+        f"       {program} part.stl | my_parts/         a mesh or STEP file; a run of each file of a folder",
         f"       {program} -m head=relu,siren [...]     every combination of the values",
         f"       {program} sweeps=main [...]            a stored study",
         "",

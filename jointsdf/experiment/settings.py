@@ -14,6 +14,7 @@ from jointsdf.errors import InputError, first_line
 from jointsdf.runs.fingerprint import fingerprint_of
 from jointsdf.shapes.labels.providers import absolute
 from jointsdf.shapes.stored import shape_identity
+from jointsdf.user_paths import expand_home
 from jointsdf.values import Shape
 
 
@@ -60,7 +61,8 @@ def resolve(cfg: DictConfig) -> dict[str, Any]:
 def folder_of(cfg: DictConfig) -> Path:
     """Run folder of a config; the shape is not loaded."""
     name = shapes.name_of(str(cfg.shape), abc_root=cfg.paths.abc_root, abc_missing=cfg.paths.abc_missing)
-    return Path(cfg.paths.outputs, cfg.study, cfg.variant, cfg.head.name, name, f"seed{cfg.seed}")
+    names = (cfg.paths.outputs, cfg.study, cfg.variant, cfg.head.name, name, f"seed{cfg.seed}")
+    return Path(*map(str, names))  # numbers too: variant=range(3) of a sweep
 
 
 def resolve_settings(cfg: DictConfig, shape: Shape, rate: float) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -75,12 +77,12 @@ def resolve_settings(cfg: DictConfig, shape: Shape, rate: float) -> tuple[dict[s
         The settings, valid from any working directory, and those of them that decide the run's numbers.
     """
     settings = resolve(cfg)
-    given = Path(str(cfg.shape)).expanduser()
+    given = Path(expand_home(str(cfg.shape)))
     settings["shape"] = str(given.resolve()) if given.is_file() and shape.name != str(cfg.shape) else shape.name
     settings["labels"] = absolute(str(cfg.labels))
     if settings["partfield_dir"] is not None:
-        settings["partfield_dir"] = str(Path(str(settings["partfield_dir"])).expanduser().resolve())
-    settings["paths"]["abc_root"] = str(Path(cfg.paths.abc_root).expanduser().resolve())
+        settings["partfield_dir"] = str(Path(expand_home(str(settings["partfield_dir"]))).resolve())
+    settings["paths"]["abc_root"] = str(Path(expand_home(str(cfg.paths.abc_root))).resolve())
     fingerprint = fingerprint_of(settings, **shape_identity(shape))
     if rate == 1:  # a limit that the shape does not reach decides nothing
         del fingerprint["trainer"]["full_rate_area"]

@@ -18,7 +18,6 @@ from omegaconf import DictConfig
 
 from jointsdf.cli_logging import configure_logging, log_levels, one_line
 from jointsdf.errors import InputError
-from jointsdf.experiment.sweep_configs import sweep_configs
 from jointsdf.phases import phase, run_named
 from jointsdf.runs import status
 from jointsdf.runs.folder import FIELD
@@ -45,11 +44,13 @@ class ActiveSweep:
         wanted: Run folders, in the order of the runs.
         started: Time of the start, seconds since the epoch.
         postponed: Configs of runs that another process works on.
+        finished: Runs that were finished before, as in `sweep_plan.Plan`.
     """
 
     wanted: list[Path] = field(default_factory=list)
     started: float = field(default_factory=time.time)
     postponed: list[DictConfig] = field(default_factory=list)
+    finished: list[tuple[DictConfig, dict[str, Any]]] = field(default_factory=list)
 
 
 active_sweep = ActiveSweep()
@@ -62,21 +63,24 @@ class Sweep(Callback):
         """Record the wanted runs, in the study's folder as well.
 
         Raises:
-            SystemExit: The chosen engine is not installed.
+            SystemExit: The chosen engine is not installed, or `shapes=` names no files.
         """
         global active_sweep
         configure_logging()
         with phase("start", "torch and lightning, then the runs of the sweep"):
-            from jointsdf.experiment import build  # noqa: F401 (imports torch now)
-            from jointsdf.experiment.settings import folder_of
+            from jointsdf.experiment.sweep_plan import plan_sweep  # imports torch now
         configure_logging()  # loggers that came with it as well
         _check_engine(config)
-        folders = [folder_of(cfg) for cfg in sweep_configs(config)]
-        active_sweep = ActiveSweep(list(dict.fromkeys(folders)))
+        try:
+            plan = plan_sweep(config)
+        except InputError as error:
+            log.error("error: %s", error)
+            raise SystemExit(2) from error
+        active_sweep = ActiveSweep(list(dict.fromkeys(plan.folders)), finished=plan.finished)
         for study in {folder.parents[STUDY_LEVEL] for folder in active_sweep.wanted}:
             status.plan(study, [folder for folder in active_sweep.wanted if folder.parents[STUDY_LEVEL] == study])
-        if len(active_sweep.wanted) < len(folders):
-            what = f"{len(folders)} runs share {len(active_sweep.wanted)} folders"
+        if len(active_sweep.wanted) < len(plan.folders):
+            what = f"{len(plan.folders)} runs share {len(active_sweep.wanted)} folders"
             log.warning("%s: name what differs in variant=, e.g. 'variant=tap=${trunk.tap}'", what)
         done = Counter(status.read_state(folder).kind for folder in active_sweep.wanted)["done"]
         log.info("%d runs wanted, %d of them finished before", len(active_sweep.wanted), done)
@@ -97,7 +101,7 @@ def run_one(cfg: DictConfig, *, wait_for_others: bool = False) -> float | None:
     from jointsdf.experiment.settings import folder_of
     from jointsdf.experiment.summary import summary
 
-    folder = None
+    folder = before = None
     try:
         build.check_config(cfg)
         folder = folder_of(cfg)
@@ -118,14 +122,18 @@ def run_one(cfg: DictConfig, *, wait_for_others: bool = False) -> float | None:
             status.fail(folder, message, error)
         return None
     finally:
-        gc.collect()  # the next run needs the memory
+        if cfg.force or before is None or before.kind != "done":  # a row that was there took little memory
+            gc.collect()  # the next run needs it
     if before.kind != "done":
         log.info("%s %s", _progress(folder), summary(row, cfg.evaluation.primary, folder))
     return row.scores[cfg.evaluation.primary]["cd_l1"]
 
 
 def wait_for_postponed() -> None:
-    """Wait for the runs that other processes worked on, and make those that they left unfinished."""
+    """Check the runs that were finished before, and make those that other processes worked on and left unfinished."""
+    for cfg, values in active_sweep.finished:
+        cfg.update(values)
+        run_one(cfg, wait_for_others=True)
     for cfg in active_sweep.postponed:
         run_one(cfg, wait_for_others=True)
 

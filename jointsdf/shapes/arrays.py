@@ -19,6 +19,7 @@ from jointsdf.shapes.labels.unlabelled import UnlabelledShape
 from jointsdf.shapes.loading import LabelRequest
 from jointsdf.shapes.readers.file_mesh import FileMesh, check_mesh
 from jointsdf.shapes.repair import repair_mesh
+from jointsdf.user_paths import expand_home
 from jointsdf.values import UNLABELLED, LabelledMesh, Shape
 
 
@@ -53,7 +54,7 @@ def from_arrays(
     file_mesh = FileMesh(points, triangles, digest)
     mesh = LabelledMesh(solid.vertices, solid.faces, np.full(len(solid.faces), UNLABELLED))
     if isinstance(labels, str):
-        folder = None if partfield_dir is None else Path(partfield_dir).expanduser()
+        folder = None if partfield_dir is None else Path(expand_home(str(partfield_dir)))
         request = LabelRequest(labels, num_parts, folder, needed=False)
         unlabelled = UnlabelledShape(
             called,

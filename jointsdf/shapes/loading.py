@@ -19,6 +19,7 @@ from jointsdf.shapes.readers.abc_features import find_features_file
 from jointsdf.shapes.readers.file_mesh import FileMesh
 from jointsdf.shapes.readers.triangles import read_triangles
 from jointsdf.shapes.repair import repair_mesh
+from jointsdf.user_paths import expand_home
 from jointsdf.values import ASSUMED_UNIT, UNLABELLED, LabelledMesh, Shape
 
 ABC_MISSING = ("fallback", "error")
@@ -87,16 +88,15 @@ def load(
     """
     if abc_missing not in ABC_MISSING:
         raise InputError(f"unknown abc_missing={abc_missing!r}: give one of {', '.join(ABC_MISSING)}")
-    folder = None if partfield_dir is None else Path(partfield_dir).expanduser()
+    folder = None if partfield_dir is None else Path(expand_home(str(partfield_dir)))
     request = LabelRequest(labels, num_parts, folder, segmented)
     if shape in builtin.BUILTINS:
         loaded = _load_builtin(shape, request)
     elif shape in abc.catalogue():
         loaded = _load_from_catalogue(shape, request, abc_root, abc_missing)
     elif Path(shape).suffix or "/" in shape or "\\" in shape or Path(shape).is_file():
-        loaded = _load_file(
-            Path(shape).expanduser(), request, tessellation=step.Tessellation(step_tolerance, step_angle)
-        )
+        path = Path(expand_home(shape))
+        loaded = _load_file(path, request, tessellation=step.Tessellation(step_tolerance, step_angle))
     else:
         near = sorted(shape_names(), key=lambda name: -SequenceMatcher(None, name, shape).ratio())[:SUGGESTIONS]
         raise InputError(f"unknown shape {shape!r}: near names are {', '.join(near)}; or give the path of a mesh file")

@@ -2,13 +2,15 @@
 
 import hashlib
 import re
+import unicodedata
 from pathlib import Path
 
 from jointsdf.shapes import abc, builtin
 from jointsdf.shapes.readers.formats import stem_of
+from jointsdf.user_paths import expand_home
 
 FALLBACK = "part_01"  # in place of an ABC mesh that is not on this machine
-LONGEST_STEM = 100  # characters
+LONGEST_STEM, LONGEST_BYTES = 100, 200  # characters, and their bytes in UTF-8: file systems allow names of 255
 HASH_DIGITS = 6  # of the sha256 in the name of a mesh file
 
 
@@ -31,14 +33,17 @@ def name_of(shape: str, *, abc_root: str | Path, abc_missing: str) -> str:
     if shape in abc.catalogue():
         fallback = abc_missing == "fallback" and not abc.mesh_path(shape, abc_root).is_file()
         return FALLBACK if fallback else shape
-    path = Path(shape).expanduser()
+    path = Path(expand_home(shape))
     if shape in builtin.BUILTINS or not path.is_file():
         return _safe_stem(path)
-    return name_of_file(path, hashlib.sha256(path.read_bytes()).hexdigest())
+    try:
+        return name_of_file(path, hashlib.sha256(path.read_bytes()).hexdigest())
+    except OSError:  # reported by whoever loads it
+        return _safe_stem(path)
 
 
 def name_of_file(path: Path, sha256: str) -> str:
-    """Name of a mesh file's shape, safe for folders.
+    """Name of a mesh file's shape, safe for folders: letters and digits of any script are kept, in Unicode's form NFC.
 
     Args:
         path: The mesh file.
@@ -46,9 +51,12 @@ def name_of_file(path: Path, sha256: str) -> str:
 
     >>> name_of_file(Path("parts/my part (v2).stl"), "d98d1d94a8")
     'my_part__v2_-d98d1d'
+    >>> name_of_file(Path("Gehäuse.stl"), "d98d1d94a8")
+    'Gehäuse-d98d1d'
     """
     return f"{_safe_stem(path)}-{sha256[:HASH_DIGITS]}"
 
 
 def _safe_stem(path: Path) -> str:
-    return re.sub(r"[^A-Za-z0-9._-]", "_", stem_of(path)).lstrip(".")[:LONGEST_STEM] or "mesh"
+    name = re.sub(r"[^\w.-]", "_", unicodedata.normalize("NFC", stem_of(path))).lstrip(".")[:LONGEST_STEM]
+    return name.encode()[:LONGEST_BYTES].decode(errors="ignore") or "mesh"

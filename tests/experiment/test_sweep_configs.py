@@ -13,7 +13,7 @@ from jointsdf.runs import status
 from jointsdf.runs.row import config_hash
 
 pytestmark = pytest.mark.filterwarnings("default")
-SWEEPS = sorted(path.stem for path in (ROOT / "sweeps").glob("*.yaml"))
+SWEEPS = sorted(path.stem for path in (ROOT / "sweeps").glob("*.yaml") if path.stem != "folder")
 HEADS = ("none", "relu", "siren", "hybrid", "deep_skip")
 
 

@@ -10,7 +10,18 @@ from jointsdf.shapes import name_of, shape_names
 
 
 @pytest.mark.parametrize(
-    ("stem", "name"), [("my part (v2)", "my_part__v2_"), ("ä=1,b", "__1_b"), (".x", "x"), ("a.b-c_1", "a.b-c_1")]
+    ("stem", "name"),
+    [
+        ("my part (v2)", "my_part__v2_"),
+        ("ä=1,b", "ä_1_b"),
+        ("a\u0308", "ä"),
+        ("\u96f6\u4ef6", "\u96f6\u4ef6"),
+        ("\u96f6" * 80, "\u96f6" * 66),
+        ("bolt \U0001f529", "bolt__"),
+        ("x" * 200, "x" * 100),
+        (".x", "x"),
+        ("a.b-c_1", "a.b-c_1"),
+    ],
 )
 def test_name_of_a_path_is_safe_for_a_folder(tmp_path: Path, stem: str, name: str) -> None:
     shape = load(put(tmp_path, f"{stem}.off", OFF))

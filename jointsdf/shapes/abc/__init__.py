@@ -6,6 +6,8 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 
+from jointsdf.user_paths import expand_home
+
 
 @dataclass(frozen=True)
 class CatalogueEntry:
@@ -55,7 +57,7 @@ def mesh_path(name: str, root: str | Path) -> Path:
         name: Catalogue name.
         root: The folder that holds one folder per shape.
     """
-    return Path(root).expanduser() / name / "mesh.ply"
+    return Path(expand_home(str(root))) / name / "mesh.ply"
 
 
 def how_to_get(entry: CatalogueEntry, path: Path) -> str:

@@ -10,6 +10,7 @@ from jointsdf.shapes.labels.ids import check_ids
 from jointsdf.shapes.readers.face_columns import COLOUR
 from jointsdf.shapes.readers.file_mesh import OWN_LABELS, FaceColumn, FileMesh
 from jointsdf.shapes.readers.mesh_file import read_mesh
+from jointsdf.user_paths import expand_home
 from jointsdf.values import LabelledMesh
 
 PARTS = {  # columns that may be parts, with the word for several
@@ -26,11 +27,11 @@ def split_column(labels: str) -> tuple[Path, str | None] | None:
     Returns:
         The file, and the column if one is named; None where there is no such file.
     """
-    if (path := Path(labels).expanduser()).is_file():
+    if (path := Path(expand_home(labels))).is_file():
         return path, None
     ends = [place for place, letter in enumerate(labels) if letter == ":" and 0 < place < len(labels) - 1]
     for end in reversed(ends):
-        if (path := Path(labels[:end]).expanduser()).is_file():
+        if (path := Path(expand_home(labels[:end]))).is_file():
             return path, labels[end + 1 :]
     return None
 

@@ -1,4 +1,4 @@
-"""Labels that somebody gave: the mesh file's own, `labels.npy` beside it, a label file, a column of a mesh file."""
+"""Labels that somebody gave: the mesh file's own, a label file beside it or elsewhere, a column of a mesh file."""
 
 import logging
 from dataclasses import replace
@@ -9,6 +9,7 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from jointsdf.errors import InputError
+from jointsdf.shapes.labels.beside import find_label_file
 from jointsdf.shapes.labels.columns import choose_column, find_column
 from jointsdf.shapes.labels.face_matching import match_faces
 from jointsdf.shapes.labels.face_order import find_other_mesh
@@ -18,8 +19,6 @@ from jointsdf.shapes.labels.unlabelled import Labels, UnlabelledShape
 from jointsdf.shapes.readers.file_mesh import OWN_LABELS, FileMesh
 from jointsdf.shapes.readers.formats import format_of
 from jointsdf.shapes.readers.triangles import read_triangles
-
-BESIDE = "labels.npy"
 
 logger = logging.getLogger(__name__)
 
@@ -52,7 +51,7 @@ def from_file(shape: UnlabelledShape, path: Path, column: str | None = None) -> 
 
 
 def find_own(shape: UnlabelledShape) -> Labels | None:
-    """Find the labels that the mesh file itself holds, else those in `labels.npy` beside it.
+    """Find the labels that the mesh file itself holds, else those in a label file beside it.
 
     Labels beside the file that are certainly of another order are passed over with a warning; so are those that
     differ from the file's own.
@@ -62,11 +61,11 @@ def find_own(shape: UnlabelledShape) -> Labels | None:
     """
     if shape.path is None:
         return None
-    own, beside = _find_own_column(shape), shape.path.with_name(BESIDE)
-    other = find_other_mesh(beside, _corners(shape.file_mesh)) if beside.is_file() else None
+    own, beside = _find_own_column(shape), find_label_file(shape.path)
+    other = find_other_mesh(beside, _corners(shape.file_mesh)) if beside else None
     if own is not None:
         shape.refuse_count(f"{shape.name} has its own labels")
-        if beside.is_file() and other is None and _differs(shape, own, beside):
+        if beside and other is None and _differs(shape, own, beside):
             logger.warning(
                 "%s: its own labels are taken, which differ from those in %s; labels=%s takes those",
                 *(shape.name, beside, beside),
@@ -75,7 +74,7 @@ def find_own(shape: UnlabelledShape) -> Labels | None:
     if other is not None:
         logger.warning("%s: %s beside it follows the faces of %s and is passed over", shape.name, beside, other)
         return None
-    return from_file(shape, beside) if beside.is_file() else None
+    return from_file(shape, beside) if beside else None
 
 
 def _warn_of_other_order(shape: UnlabelledShape, path: Path, labels: Int[ndarray, " g"]) -> None:
@@ -105,7 +104,7 @@ def _find_own_column(shape: UnlabelledShape) -> Int[ndarray, " g"] | None:
 def _differs(shape: UnlabelledShape, own: Int[ndarray, " g"], beside: Path) -> bool:
     """True if the labels beside the file fit it, and differ from its own."""
     try:
-        return not np.array_equal(read_labels(beside, shape.file_mesh, shape.patches), own)
+        return not np.array_equal(from_file(shape, beside)[0], own[shape.source_faces])
     except InputError:
         return False
 

@@ -1,6 +1,7 @@
 """LaTeX: cells of numbers, escaping, and a booktabs table by pandas' Styler."""
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Literal
 
@@ -23,15 +24,16 @@ ESCAPES = {
     "|": r"\textbar{}",
     "±": r"$\pm$",
 } | {character: f"\\{character}" for character in "&%$#_{}"}
+LATIN = re.compile(r"[\0-\x7fÀ-ÖØ-öø-ÿ]")  # ASCII, and the letters of Latin-1, which encoding T1 has
 
 
 def escape(text: str) -> str:
-    r"""Escape plain text for LaTeX; `±` becomes the symbol, other characters beyond ASCII a question mark.
+    r"""Escape plain text for LaTeX; `±` becomes the symbol, what encoding T1 has no Latin letter for a question mark.
 
     >>> escape("deep_skip & 50%")
     'deep\\_skip \\& 50\\%'
     """
-    return "".join(ESCAPES.get(character, character if character.isascii() else "?") for character in text)
+    return "".join(ESCAPES.get(character, character if LATIN.match(character) else "?") for character in text)
 
 
 def cell(summary: Summary, *, digits: int, out_of: int, bold: bool) -> str:

@@ -16,6 +16,10 @@ def test_escape_covers_every_special_character() -> None:
     )
 
 
+def test_escape_keeps_the_letters_that_latex_sets() -> None:
+    assert escape("Gehäuse-Øß \xd7÷ \u96f6\u0159") == "Gehäuse-Øß ?? ??"
+
+
 def test_cell_says_when_shapes_are_missing() -> None:
     assert cell(Summary(3, 0.12345, 0.1), digits=3, out_of=3, bold=False) == r"0.123 $\pm$ 0.100"
     assert cell(Summary(2, 0.12345, 0.1), digits=2, out_of=3, bold=True) == r"\textbf{0.12} $\pm$ 0.10 ($n=2$)"
