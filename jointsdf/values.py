@@ -105,6 +105,7 @@ class Shape:
         flipped: Number of the file's faces whose orientation was reversed.
         dropped: Number of the file's faces left out: repeated, or without area.
         unit: Of the file frame.
+        up: Axis of the file frame that points up: `z` in CAD, `y` in glTF.
     """
 
     name: str
@@ -115,6 +116,7 @@ class Shape:
     flipped: int = 0
     dropped: int = 0
     unit: Unit = ASSUMED_UNIT
+    up: str = "z"
 
     @property
     def labels_sha256(self) -> str:

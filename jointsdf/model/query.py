@@ -1,5 +1,6 @@
 """Queries of a field: parsing of points and names, evaluation of trunk and head, answers of the points' type."""
 
+import math
 import warnings
 from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
@@ -17,11 +18,16 @@ from jointsdf.threads import over_threads, pieces
 from jointsdf.values import BOX
 
 ANSWERS = ("sdf", "part", "logits", "gradient")
+COARSE = 1e-5  # of the shape's size: steps of the points' coordinates from which a warning is given
 ROUNDING = 1e-6  # relative to the box, before a point counts as outside
 
 
 class OutsideBoxWarning(UserWarning):
     """A field was queried outside the training box, where it extrapolates."""
+
+
+class RoundedPointsWarning(UserWarning):
+    """A field was queried at points whose floating-point type is too coarse for the shape's place."""
 
 
 class FieldQuery(NamedTuple):
@@ -139,17 +145,42 @@ def outside_box(points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
     return (points.abs() > BOX * (1 + ROUNDING)).any(dim=1)
 
 
-def warn_outside_box(points: Float[Tensor, "n 3"]) -> bool:
-    """Warn if points of the network frame are outside the training box; returns whether they are."""
-    if not bool(outside_box(points).any()):
-        return False
-    warnings.warn(
-        "points outside the training box: the field was not trained there, its distances are extrapolated and its "
-        "parts -1 (said once)",
-        OutsideBoxWarning,
-        stacklevel=3,
-    )
-    return True
+def warn_once(
+    said: set[type[Warning]], given: Float[Tensor, "n 3"], points: Float[Tensor, "n 3"], scale: float
+) -> None:
+    """Warn of points outside the training box, and of points in too few digits, unless that was said.
+
+    Args:
+        said: Warnings that were given; those given now are added.
+        given: The points as given, file frame.
+        points: The points in the network frame.
+        scale: File units per network unit.
+    """
+    if OutsideBoxWarning not in said and bool(outside_box(points).any()):
+        said.add(OutsideBoxWarning)
+        warnings.warn(
+            "points outside the training box: the field was not trained there, its distances are extrapolated and its "
+            "parts -1 (said once)",
+            OutsideBoxWarning,
+            stacklevel=3,
+        )
+    if RoundedPointsWarning not in said and (spacing := _spacing(given)) > COARSE * 2 * scale:
+        said.add(RoundedPointsWarning)
+        kind = str(given.dtype).removeprefix("torch.")
+        warnings.warn(
+            f"points in {kind}, which so far from the origin come in steps of {spacing:.2g} file units "
+            f"({spacing / (2 * scale):.1e} of the shape's size): give float64 (said once)",
+            RoundedPointsWarning,
+            stacklevel=3,
+        )
+
+
+def _spacing(points: Float[Tensor, "n 3"]) -> float:
+    """Distance between neighbouring numbers of the points' type at the largest coordinate."""
+    if points.numel() == 0 or points.dtype == torch.float64:
+        return 0.0
+    exponent = math.frexp(float(points.detach().abs().max()))[1] - 1
+    return math.ldexp(torch.finfo(points.dtype).eps, exponent)
 
 
 def _to_tensor(given: Any) -> Tensor:

@@ -15,7 +15,8 @@ from jointsdf.shapes.labels.providers import PROVIDERS, UnlabelledShape, provide
 from jointsdf.shapes.loading import LabelRequest
 from jointsdf.shapes.readers.file_mesh import FileMesh, check_mesh
 from jointsdf.shapes.repair import repair_mesh
-from jointsdf.values import UNLABELLED, LabelledMesh, Shape
+from jointsdf.shapes.units import AUTO, choose_unit
+from jointsdf.values import ASSUMED_UNIT, UNLABELLED, LabelledMesh, Shape
 
 
 def from_arrays(
@@ -26,6 +27,7 @@ def from_arrays(
     num_parts: int | None = None,
     partfield_dir: str | Path | None = None,
     name: str | None = None,
+    unit: str = AUTO,
 ) -> Shape:
     """Make a shape of a triangle mesh, in the frame of its vertices.
 
@@ -37,6 +39,7 @@ def from_arrays(
         num_parts: Number of parts, for a provider that can choose.
         partfield_dir: PartField's output folder, for `labels="partfield"`.
         name: Names the shape; `mesh-<6 hex digits of its content>` without.
+        unit: Of the vertices: mm, cm, m, um, in or ft; `auto`: mm is assumed.
 
     Raises:
         InputError: Arrays of another shape, values out of range, or labels that do not fit.
@@ -64,7 +67,14 @@ def from_arrays(
         found, provider = _check_labels(labels, len(triangles))[solid.source_faces], "array"
     dropped = len(triangles) - len(solid.faces)
     return Shape(
-        called, replace(mesh, labels=found), digest, provider, solid.watertight, flipped=solid.flipped, dropped=dropped
+        called,
+        replace(mesh, labels=found),
+        digest,
+        provider,
+        solid.watertight,
+        flipped=solid.flipped,
+        dropped=dropped,
+        unit=choose_unit(called, ASSUMED_UNIT, unit),
     )
 
 

@@ -18,6 +18,7 @@ from jointsdf.shapes.readers.abc_features import find_features_file
 from jointsdf.shapes.readers.file_mesh import FileMesh
 from jointsdf.shapes.readers.triangles import read_triangles
 from jointsdf.shapes.repair import repair_mesh
+from jointsdf.shapes.units import AUTO, choose_unit
 from jointsdf.values import ASSUMED_UNIT, UNLABELLED, LabelledMesh, Shape
 
 ABC_MISSING = ("fallback", "error")
@@ -62,6 +63,7 @@ def load(
     segmented: bool = True,
     step_tolerance: float = 1e-4,
     step_angle: float = 0.1,
+    unit: str = AUTO,
 ) -> Shape:
     """Load one shape with its part labels, in the file frame, with original label ids.
 
@@ -80,6 +82,7 @@ def load(
         segmented: Whether at least two labelled parts are needed.
         step_tolerance: Largest distance of a STEP file's triangles from its surfaces, relative to its longest side.
         step_angle: Largest angle between neighbouring chords of a STEP file's curves, radians.
+        unit: Length unit of a file that names none: mm, cm, m, um, in or ft. `auto`: the file's own, else mm.
 
     Raises:
         InputError: The name, path, mesh or label file cannot be used, or a segmentation has nothing to learn.
@@ -101,7 +104,7 @@ def load(
         raise InputError(f"unknown shape {shape!r}: near names are {', '.join(near)}; or give the path of a mesh file")
     if segmented:
         require_parts(loaded)
-    return loaded
+    return replace(loaded, unit=choose_unit(shape, loaded.unit, unit))
 
 
 def require_parts(shape: Shape) -> None:
@@ -180,4 +183,5 @@ def _load_file(
         flipped=solid.flipped,
         dropped=len(found.faces) - len(solid.faces),
         unit=found.unit or ASSUMED_UNIT,
+        up=found.up,
     )

@@ -10,7 +10,7 @@ from conftest import BOX_PARTS
 from jointsdf.errors import InputError
 from jointsdf.model import query
 from jointsdf.model.field import JointField
-from jointsdf.model.query import OutsideBoxWarning
+from jointsdf.model.query import OutsideBoxWarning, RoundedPointsWarning
 from jointsdf.values import BOX, Normalisation
 
 BuildField = Callable[..., JointField]
@@ -171,3 +171,21 @@ def test_arrays_of_any_layout_are_points(small_field: Callable[..., JointField],
     }[kind]
     given.flags.writeable = kind != "read only"
     np.testing.assert_array_equal(field.query(given).sdf, field.query(points).sdf)
+
+
+@pytest.mark.parametrize("offset", [4e6, -4e6])
+def test_far_from_the_origin_float64_is_exact_and_float32_is_told_once(small_field: BuildField, offset: float) -> None:
+    near = small_field("siren", normalisation=Normalisation(np.zeros(3), 50.0)).eval()
+    far = small_field("siren", normalisation=Normalisation(np.full(3, offset), 50.0)).eval()
+    points = np.random.default_rng(0).integers(-50, 50, (20, 3))
+    expected = near.query(points, what="sdf").sdf
+    for kind in (np.float64, np.int64):
+        moved = (points + int(offset)).astype(kind)
+        for given in (moved, moved.tolist(), torch.from_numpy(moved)):
+            np.testing.assert_array_equal(np.asarray(far.query(given, what="sdf").sdf), expected)
+    rounded = (points + offset).astype(np.float32)
+    message = r"^points in float32, .* steps of 0\.25 file units \(2\.5e-03 .*give float64 \(said once\)$"
+    with pytest.warns(RoundedPointsWarning, match=message):
+        far.query(rounded, what="sdf")
+    far.query(rounded, what="sdf")  # a second warning would fail the test
+    near.query(points.astype(np.float32), what="sdf")  # exact enough: a warning would fail the test
