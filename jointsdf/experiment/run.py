@@ -116,7 +116,7 @@ def fit_shape(
     draw_cloud = cache(lambda: build.cloud_of(cfg, shape))
     rate = build.trunk_rate(cfg, shape, draw_cloud)
     settings, fingerprint = resolve_settings(cfg, shape, rate)
-    if row := find_row(cfg, folder, settings, fingerprint, wait=wait):
+    if row := find_row(cfg, folder, settings, fingerprint, shape.unit.name, wait=wait):
         return Outcome(row)
     with watch("prepare", "points, labels and distances"):
         prepared = _prepare(cfg, shape, draw_cloud(), rate)

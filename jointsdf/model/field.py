@@ -117,7 +117,7 @@ class JointField(nn.Module):
             raise InputError("differentiable=True: give the points as a tensor, which alone keeps a graph")
         with torch.set_grad_enabled(differentiable), self._without_dropout():
             inside = ((rows.to(self.centre) - self.centre) / self.scale).to(self.trunk.output.weight)
-            warn_once(self._said, rows, inside, float(self.scale))
+            warn_once(self._said, rows, inside, self.normalisation)
             evaluate = evaluate_with_graph if differentiable else evaluate_fused
             answers = [self._answer(chunk, wanted, evaluate) for chunk in inside.split(CHUNK)]
         columns = (None if column[0] is None else torch.cat(column) for column in zip(*answers, strict=True))

@@ -15,7 +15,7 @@ from jointsdf.errors import InputError, first_line
 from jointsdf.model.fused.evaluate import evaluate
 from jointsdf.model.trunk import SirenTrunk
 from jointsdf.threads import over_threads, pieces
-from jointsdf.values import BOX
+from jointsdf.values import BOX, Normalisation
 
 ANSWERS = ("sdf", "part", "logits", "gradient")
 COARSE = 1e-5  # of the shape's size: steps of the points' coordinates from which a warning is given
@@ -146,40 +146,38 @@ def outside_box(points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
 
 
 def warn_once(
-    said: set[type[Warning]], given: Float[Tensor, "n 3"], points: Float[Tensor, "n 3"], scale: float
+    said: set[type[Warning]], given: Float[Tensor, "n 3"], points: Float[Tensor, "n 3"], frame: Normalisation
 ) -> None:
-    """Warn of points outside the training box, and of points in too few digits, unless that was said.
+    """Warn of points outside the training box, and of points in too few digits for its place, once of each.
 
     Args:
         said: Warnings that were given; those given now are added.
         given: The points as given, file frame.
         points: The points in the network frame.
-        scale: File units per network unit.
+        frame: File frame -> network frame.
     """
-    if OutsideBoxWarning not in said and bool(outside_box(points).any()):
-        said.add(OutsideBoxWarning)
-        warnings.warn(
+    found: dict[type[Warning], str] = {}
+    if outside_box(points).any():
+        found[OutsideBoxWarning] = (
             "points outside the training box: the field was not trained there, its distances are extrapolated and its "
-            "parts -1 (said once)",
-            OutsideBoxWarning,
-            stacklevel=3,
+            "parts -1 (said once)"
         )
-    if RoundedPointsWarning not in said and (spacing := _spacing(given)) > COARSE * 2 * scale:
-        said.add(RoundedPointsWarning)
-        kind = str(given.dtype).removeprefix("torch.")
-        warnings.warn(
-            f"points in {kind}, which so far from the origin come in steps of {spacing:.2g} file units "
-            f"({spacing / (2 * scale):.1e} of the shape's size): give float64 (said once)",
-            RoundedPointsWarning,
-            stacklevel=3,
+    spacing, size = _spacing(given, float(np.abs(frame.centre).max()) + BOX * frame.scale), 2 * frame.scale
+    if spacing > COARSE * size:
+        found[RoundedPointsWarning] = (
+            f"points in {str(given.dtype).removeprefix('torch.')}, which so far from the origin come in steps of "
+            f"{spacing:.2g} file units ({spacing / size:.1e} of the shape's size): give float64 (said once)"
         )
+    for kind in found.keys() - said:
+        said.add(kind)
+        warnings.warn(found[kind], kind, stacklevel=3)
 
 
-def _spacing(points: Float[Tensor, "n 3"]) -> float:
-    """Distance between neighbouring numbers of the points' type at the largest coordinate."""
+def _spacing(points: Float[Tensor, "n 3"], most: float) -> float:
+    """Distance between neighbouring numbers of the points' type at their largest coordinate, or at `most` if less."""
     if points.numel() == 0 or points.dtype == torch.float64:
         return 0.0
-    exponent = math.frexp(float(points.detach().abs().max()))[1] - 1
+    exponent = math.frexp(min(float(points.detach().abs().max()), most))[1] - 1
     return math.ldexp(torch.finfo(points.dtype).eps, exponent)
 
 

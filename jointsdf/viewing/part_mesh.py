@@ -16,6 +16,7 @@ from jointsdf.viewing.glb import glb_bytes
 
 FORMATS = ("ply", "glb", "obj", "stl", "off")
 COARSE = 1e-5  # of the longest side: spacing of float32 coordinates from which they are refused
+FAR = float(np.finfo(np.float32).max)
 
 
 def stored_mesh(folder: Path, *, is_empty: bool) -> LabelledMesh:
@@ -69,8 +70,8 @@ class PartMesh(LabelledMesh):
         if kind == "glb":
             return glb_bytes(self, self.unit, self.up)
         if kind == "stl":
-            size, far = np.ptp(self.vertices, axis=0).max(), np.float32(np.abs(self.vertices).max())
-            if not np.spacing(far) <= COARSE * size:
+            size, far = np.ptp(self.vertices, axis=0).max(), np.abs(self.vertices).max()
+            if far > FAR or np.spacing(np.float32(far)) > COARSE * size:
                 raise InputError(
                     f"{path}: stl has 7 digits for a mesh of {size:.3g} at {far:.3g} {self.unit.name}: use ply or obj"
                 )
