@@ -2,14 +2,17 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
-from mesh_files import OBJ, load, put
+import trimesh
+from mesh_files import BOX, OBJ, exported, load, put
 from step_files import INCH, NEEDS_READER, ONE, step_boxes
 
 import jointsdf
 from jointsdf.errors import InputError
 from jointsdf.shapes.units import choose_unit, unit_of_metres
 from jointsdf.values import ASSUMED_UNIT, Unit
+from jointsdf.viewing.export import write_mesh
 
 
 @pytest.mark.parametrize(
@@ -47,3 +50,14 @@ def test_an_unknown_unit_is_one_line() -> None:
 def test_units_are_named_by_their_size() -> None:
     names = [unit_of_metres(metres).name for metres in (1e-3, 0.01, 1.0, 0.0254, 2.54e-5, 0.3048, 0.9144, 0.5)]
     assert names == ["mm", "cm", "m", "in", "mil", "ft", "yd", "0.5m"]
+
+
+def test_a_gltf_file_is_in_metres_with_y_up_and_is_written_so(tmp_path: Path) -> None:
+    shape = load(put(tmp_path, "a.glb", exported("glb")))
+    assert (shape.unit, shape.up) == (Unit("m", 1.0), "y")
+    write_mesh(tmp_path / "run", shape.mesh, shape.unit, shape.up)
+    np.testing.assert_allclose(trimesh.load_scene(tmp_path / "run" / "mesh.glb").bounds, BOX.bounds, rtol=0, atol=1e-6)
+    for name in ("mesh.ply", "mesh.glb"):
+        again = load(tmp_path / "run" / name)
+        assert (again.unit, again.up) == (shape.unit, "y")
+        np.testing.assert_allclose(again.mesh.vertices.min(axis=0), BOX.bounds[0], rtol=0, atol=1e-6)

@@ -245,13 +245,16 @@ def test_a_file_of_ours_gives_labels_and_its_own_frame() -> None:
     file.document["asset"]["extras"] = {"jointsdf": written}
     mesh = read(file)
     assert box_bounds(mesh) == [4, 4.5, 5, 6, 7.5, 9]
-    assert mesh.unit == Unit("mm", 0.001, True)
+    assert (mesh.unit, mesh.up) == (Unit("mm", 0.001, True), "z")
     assert mesh.columns["label"].values.tolist() == [12] * 12 + [-1] * 12 + [0] * 12
     assert mesh.columns["label"].are_ids
-    for damage in ({"metres": "1"}, {"metres": -1}, {"metres": True}, {"known": 1}, {"unit": None}):
+    file.document["asset"]["extras"] = {"jointsdf": written | {"up": "y"}}
+    assert read(file).up == "y"
+    damages = [{"metres": "1"}, {"metres": -1}, {"metres": True}, {"known": 1}]
+    for damage in (*damages, *({"unit": name} for name in (None, "", "mm\nend_header", "m m", "m" * 25))):
         file.document["asset"]["extras"] = {"jointsdf": written | damage}
         np.testing.assert_allclose(box_bounds(read(file)), [0.004, 0.005, -0.0075, 0.006, 0.009, -0.0045])
-        assert read(file).unit == Unit("m", 1.0)
+        assert (read(file).unit, read(file).up) == (Unit("m", 1.0), "y")
     file.document["asset"]["extras"] = {"jointsdf": written}
     file.document["nodes"][root]["name"] = "world"
     assert read(file).unit == Unit("m", 1.0)
