@@ -15,7 +15,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
 from hydra import compose, initialize_config_module
 from hydra.errors import HydraException
 from omegaconf import DictConfig
@@ -34,11 +33,11 @@ from jointsdf.model.field import JointField
 from jointsdf.runs.folder import FIELD
 from jointsdf.runs.row import ResultRow
 from jointsdf.shapes.arrays import from_arrays
-from jointsdf.shapes.labels.columns import read_own_labels
+from jointsdf.shapes.units import AUTO
 from jointsdf.threads import large_pieces
 from jointsdf.user_paths import expand_home
 from jointsdf.values import Shape
-from jointsdf.viewing.part_mesh import PartMesh
+from jointsdf.viewing.part_mesh import PartMesh, stored_mesh
 
 
 @dataclass(frozen=True)
@@ -70,6 +69,7 @@ def load_shape(
     partfield_dir: str | Path | None = None,
     abc_root: str | Path | None = None,
     name: str | None = None,
+    unit: str = AUTO,
 ) -> Shape:
     """Load a ground truth with its part labels, in its own units.
 
@@ -84,6 +84,7 @@ def load_shape(
         partfield_dir: PartField's output folder, for `labels="partfield"`.
         abc_root: Folder of the ABC shapes; `$JOINTSDF_ABC`, else `data/abc`.
         name: Name of a shape of arrays.
+        unit: Length unit where the file names none: mm, cm, m, um, in or ft; `auto`: mm is assumed.
 
     Raises:
         InputError: The shape or its labels cannot be used; one line with the value and the fix.
@@ -96,7 +97,8 @@ def load_shape(
     if source is None:
         if faces is None:
             raise InputError("load_shape: vertices= without faces=; give the triangles' vertex indices, shape (f, 3)")
-        return from_arrays(vertices, faces, labels=labels, num_parts=num_parts, partfield_dir=partfield_dir, name=name)
+        options = {"labels": labels, "num_parts": num_parts, "partfield_dir": partfield_dir, "name": name}
+        return from_arrays(vertices, faces, **options, unit=unit)
     if not isinstance(labels, str | Path):
         raise InputError("load_shape: labels= of a path is a provider or a label file; arrays go with vertices=")
     return shapes.load(
@@ -107,6 +109,7 @@ def load_shape(
         abc_root=abc_root or os.environ.get("JOINTSDF_ABC", "data/abc"),
         abc_missing="error",
         segmented=False,
+        unit=unit,
     )
 
 
@@ -154,7 +157,7 @@ def fit(
         stack.enter_context(process_settings())
         stack.enter_context(large_pieces())
         outcome = _fit(cfg, truth, folder, keep_files=out is not None)
-        field, mesh = _field_and_mesh(outcome, folder)
+        field, mesh = _field_and_mesh(outcome, truth, folder)
     scores = outcome.row.scores[cfg.evaluation.primary]
     return FittedRun(field, mesh, scores, outcome.row, None if out is None else folder)
 
@@ -192,12 +195,8 @@ def _fit(cfg: DictConfig, shape: Shape, folder: Path, *, keep_files: bool) -> Ou
         raise
 
 
-def _field_and_mesh(outcome: Outcome, folder: Path) -> tuple[JointField, PartMesh]:
+def _field_and_mesh(outcome: Outcome, truth: Shape, folder: Path) -> tuple[JointField, PartMesh]:
     """Field and mesh of the outcome, read from the folder where the run was finished before."""
-    if outcome.field is not None and outcome.mesh is not None:
-        mesh = outcome.mesh
-        return outcome.field, PartMesh(mesh.vertices, mesh.faces, mesh.labels)
-    if outcome.row.status == "empty_mesh":
-        return JointField.load(folder / FIELD), PartMesh(np.zeros((0, 3)), np.zeros((0, 3), int), np.zeros(0, int))
-    mesh = read_own_labels(folder / "mesh.ply")
-    return JointField.load(folder / FIELD), PartMesh(mesh.vertices, mesh.faces, mesh.labels)
+    field = outcome.field or JointField.load(folder / FIELD)
+    mesh = outcome.mesh or stored_mesh(folder, is_empty=outcome.row.status == "empty_mesh")
+    return field, PartMesh(mesh.vertices, mesh.faces, mesh.labels, truth.unit, truth.up)

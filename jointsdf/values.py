@@ -108,6 +108,7 @@ class Shape:
         unit: Of the file frame.
         folded: Whether watertight faces overlap or fold over, so that signs come from the winding number all the same.
         welded: Number of vertices that were moved to another one, nearly at the same place.
+        up: Axis of the file frame that points up: `z` in CAD, `y` in glTF.
     """
 
     name: str
@@ -120,6 +121,7 @@ class Shape:
     unit: Unit = ASSUMED_UNIT
     folded: bool = False
     welded: int = 0
+    up: str = "z"
 
     @property
     def labels_sha256(self) -> str:

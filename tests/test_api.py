@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from command_line import QUICK
 import jointsdf
 from jointsdf.shapes.builtin import BUILTINS
 from jointsdf.training.module import JointSDFModule
+from jointsdf.values import Unit
 
 pytestmark = pytest.mark.filterwarnings("default")
 SHORT = [*QUICK[1:], "trainer.preview_every=0"]
@@ -30,13 +32,15 @@ def quick(shape: object = "part_01", **options: object) -> jointsdf.FittedRun:
 
 def test_a_fit_gives_field_mesh_and_scores_and_leaves_no_file(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    run = quick(head="relu", seed=3)
+    shape = replace(jointsdf.load_shape("part_01", unit="in"), up="y")
+    run = quick(shape, head="relu", seed=3)
     assert list(tmp_path.iterdir()) == []
     assert run.folder is None
     assert (run.row.head, run.row.seed, run.row.shape, run.row.recipe) == ("relu", 3, "part_01", "smoke")
     assert run.scores == run.row.scores["unit"]
     assert run.scores["cd_l1"] > 0
     assert len(run.mesh.faces) == run.row.counts["faces_pred"]
+    assert (run.mesh.unit, run.mesh.up) == (Unit("in", 0.0254), "y")
     cell = 2.2 * run.field.normalisation.scale / 15
     found = run.field.query(run.mesh.vertices)
     assert np.median(np.abs(found.sdf)) < cell

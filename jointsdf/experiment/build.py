@@ -26,12 +26,13 @@ from jointsdf.model.field import JointField
 from jointsdf.shapes.loading import LabelRequest
 from jointsdf.shapes.readers.step import Tessellation
 from jointsdf.shapes.stored import load_configured
+from jointsdf.shapes.units import choose_unit
 from jointsdf.training.fit import FitMachine
 from jointsdf.training.matrix_products import CHOICES, Products
 from jointsdf.training.module import JointSDFModule
 from jointsdf.training.random_state import seeded
 from jointsdf.training.settings import FitSettings, Objective
-from jointsdf.values import UNMOVED, Normalisation, Shape
+from jointsdf.values import ASSUMED_UNIT, UNMOVED, Normalisation, Shape
 
 STAND_IN_PARTS = np.arange(2)  # part ids of a field that is built for its checks alone
 
@@ -63,6 +64,7 @@ def check_config(cfg: DictConfig) -> None:
         OmegaConf.update(cfg, key, float(OmegaConf.select(cfg, key)))
     Tessellation(**cfg.tessellation)
     LabelRequest(cfg.labels, cfg.num_parts)
+    choose_unit(str(cfg.shape), ASSUMED_UNIT, str(cfg.unit))
     if cfg.trainer.full_rate_area is not None:
         require_number("trainer.full_rate_area", cfg.trainer.full_rate_area, 1e-6)
     with settings_errors("data"):

@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 
 
 def find_row(
-    cfg: DictConfig, folder: Path, settings: Mapping[str, Any], fingerprint: Mapping[str, Any], *, wait: bool
+    cfg: DictConfig, folder: Path, settings: Mapping[str, Any], fingerprint: Mapping[str, Any], unit: str, *, wait: bool
 ) -> ResultRow | None:
     """Find the run's row in its folder or, with `reuse`, in another study, whose row is copied into the folder.
 
@@ -27,6 +27,7 @@ def find_row(
         folder: The run folder.
         settings: From `resolve_settings`.
         fingerprint: From `resolve_settings`.
+        unit: Of the shape, which decides no number.
         wait: Whether to wait for another process that works on the same run.
 
     Raises:
@@ -36,6 +37,8 @@ def find_row(
     row = run_folder.finished_row(folder, fingerprint, force=cfg.force, reuse=cfg.reuse)
     if row:
         log.info("%s holds this run's result already; force=true runs it again", folder)
+        if (written := row.provenance.get("unit", unit)) != unit:
+            log.warning("%s: its files are in %s, not %s; force=true writes them again", folder, written, unit)
         status.end(folder)
     elif cfg.reuse and not cfg.force:
         row = find_reusable_row(config_hash(fingerprint), folder, Path(cfg.paths.outputs), Path(cfg.paths.results))

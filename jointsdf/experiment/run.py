@@ -116,7 +116,7 @@ def fit_shape(
     draw_cloud = cache(lambda: build.cloud_of(cfg, shape))
     rate = build.trunk_rate(cfg, shape, draw_cloud)
     settings, fingerprint = resolve_settings(cfg, shape, rate)
-    if row := find_row(cfg, folder, settings, fingerprint, wait=wait):
+    if row := find_row(cfg, folder, settings, fingerprint, shape.unit.name, wait=wait):
         return Outcome(row)
     with watch("prepare", "points, labels and distances"):
         prepared = _prepare(cfg, shape, draw_cloud(), rate)
@@ -156,7 +156,7 @@ def _prepare(cfg: DictConfig, shape: Shape, cloud: Cloud, rate: float) -> Prepar
     resolution = build.first_resolution(cfg, report.wall / scale)
     measures = build.measures(cfg, resolution)
     report.log(cell_size(resolution) * scale)
-    if warning := thin_wall_warning(report.wall, resolution, scale):
+    if warning := thin_wall_warning(report.wall, resolution, scale, shape.unit.name):
         log.warning("%s: %s", report.name, warning)
     return Prepared(data, module, measures, report, cloud.normalisation)
 
@@ -180,7 +180,7 @@ def _measure(
     with watch("extract", EXTRACTING):
         measures, mesh = extract(field, prepared.measures, refine=cfg.extraction.resolution == "auto")
         if keep_files:
-            write_mesh(folder, mesh)
+            write_mesh(folder, mesh, shape.unit, shape.up)
     with watch("evaluate", MEASURING):
         scores = measure(measures, shape, mesh, prepared.normalisation, Path(cfg.paths.outputs, CACHE_DIR))
     if keep_files:
@@ -194,7 +194,7 @@ def _log_outcome(
     cfg: DictConfig, row: ResultRow, folder: Path | None, measures: build.Measures, shape: Shape, mesh: LabelledMesh
 ) -> None:
     log.info(summary(row, cfg.evaluation.primary, folder))
-    if description := describe(row, measures.protocols, shape.mesh, mesh):
+    if description := describe(row, measures.protocols, shape, mesh):
         log.info(description)
     if folder and not mesh.is_empty:
         log.info(files_to_open(folder))

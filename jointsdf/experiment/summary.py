@@ -7,7 +7,7 @@ import trimesh
 
 from jointsdf.evaluation.protocol import Protocol, bounding_frame
 from jointsdf.runs.row import ResultRow
-from jointsdf.values import LabelledMesh
+from jointsdf.values import LabelledMesh, Shape
 
 QUOTED_SCORES = {"surface_p99", "parts_pred", "parts_gt", "components", "components_gt"}
 
@@ -32,21 +32,23 @@ def summary(row: ResultRow, protocol: str, folder: Path | None) -> str:
     )
 
 
-def describe(row: ResultRow, protocols: Mapping[str, Protocol], truth: LabelledMesh, mesh: LabelledMesh) -> str:
+def describe(row: ResultRow, protocols: Mapping[str, Protocol], truth: Shape, mesh: LabelledMesh) -> str:
     """Quality of the mesh in plain words; empty for a run without surface or without the scores it quotes.
 
     Args:
         row: The run's row.
         protocols: The run's protocols; the first whose frame is the ground truth's is quoted.
-        truth: Ground truth, file frame.
+        truth: Ground truth.
         mesh: The run's mesh, file frame.
     """
     quoted = next((name for name, protocol in protocols.items() if protocol.frame == "truth"), None)
     if quoted is None or mesh.is_empty or not row.scores[quoted].keys() >= QUOTED_SCORES:
         return ""
-    scores, side = row.scores[quoted], bounding_frame(truth).scale
+    scores, side = row.scores[quoted], bounding_frame(truth.mesh).scale
     p99 = scores["surface_p99"]
-    facts = [f"99% of the surface is within {p99 * side:.2g} of the part (file units; {p99:.2%} of its longest side)"]
+    facts = [
+        f"99% of the surface is within {p99 * side:.2g} {truth.unit.name} of the part ({p99:.2%} of its longest side)"
+    ]
     if row.num_parts:
         facts.append(f"{scores['parts_pred']:.0f} of {scores['parts_gt']:.0f} parts")
     closed = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).is_watertight

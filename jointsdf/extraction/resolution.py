@@ -45,13 +45,14 @@ def resolution_for(wall: float) -> int:
     return next((resolution for resolution in LADDER if wall >= CELLS * cell_size(resolution)), FINEST)
 
 
-def thin_wall_warning(wall: float, resolution: int, scale: float) -> str | None:
+def thin_wall_warning(wall: float, resolution: int, scale: float, unit: str) -> str | None:
     """One line where a wall is under `CELLS` cells of a grid, with the grid that holds it; None where it is not.
 
     Args:
         wall: Thickness, file units.
         resolution: Points along each axis of the grid.
         scale: File units per network unit.
+        unit: Symbol of the file unit.
     """
     cell = cell_size(resolution) * scale
     if wall >= CELLS * cell:
@@ -59,7 +60,7 @@ def thin_wall_warning(wall: float, resolution: int, scale: float) -> str | None:
     enough = math.ceil(CELLS * 2 * BOX * scale / wall) + 1
     fix = f"give extraction.resolution={enough}" if enough <= FINEST else f"no grid up to {FINEST} can hold it"
     return (
-        f"its thinnest wall ({wall:.3g}) is under {CELLS} cells of the grid (of {cell:.3g}): "
+        f"its thinnest wall ({wall:.3g} {unit}) is under {CELLS} cells of the grid (of {cell:.3g} {unit}): "
         f"it will vanish or break; {fix}"
     )
 

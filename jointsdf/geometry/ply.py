@@ -14,7 +14,7 @@ TYPES = {"f4": "float", "f8": "double", "u1": "uchar", "i4": "int"}
 
 
 def binary_ply(
-    vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], columns: Mapping[str, ndarray], comment: str
+    vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], columns: Mapping[str, ndarray], *comments: str
 ) -> bytes:
     """The content of a little-endian PLY file.
 
@@ -22,7 +22,7 @@ def binary_ply(
         vertices: Positions, stored in their own precision.
         faces: Vertex indices below 2^31.
         columns: Further properties of each face, uint8 or int32, by name.
-        comment: One line of the header.
+        *comments: Lines of the header.
 
     >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     >>> binary_ply(corners, np.array([[0, 1, 2]]), {}, "a triangle").splitlines()[2:5]
@@ -38,7 +38,7 @@ def binary_ply(
     header = [
         "ply",
         "format binary_little_endian 1.0",
-        f"comment {comment}",
+        *(f"comment {comment}" for comment in comments),
         f"element vertex {len(vertices)}",
         *(f"property {TYPES[precision]} {axis}" for axis in "xyz"),
         f"element face {len(faces)}",

@@ -23,7 +23,7 @@ from jointsdf.model.query import (
     outside_box,
     parse_names,
     parse_points,
-    warn_outside_box,
+    warn_once,
 )
 from jointsdf.model.trunk import SirenTrunk
 from jointsdf.threads import over_threads, pieces
@@ -79,7 +79,7 @@ class JointField(nn.Module):
             raise
         except (TypeError, ValueError) as error:
             raise InputError(f"head {name} with {arguments}: {first_line(error)}") from error
-        self._warned = False
+        self._said: set[type[Warning]] = set()
         self.register_buffer("part_ids", torch.as_tensor(np.asarray(part_ids, dtype=np.int64)))
         self.register_buffer("centre", torch.as_tensor(np.asarray(normalisation.centre, dtype=np.float64)))
         self.register_buffer("scale", torch.tensor(float(normalisation.scale), dtype=torch.float64))
@@ -95,7 +95,8 @@ class JointField(nn.Module):
         Points outside the training box get extrapolated distances and part -1, with one `OutsideBoxWarning`.
 
         Args:
-            points: A tensor, an array or nested lists of shape (n, 3), or (3,) for one point; file units.
+            points: A tensor, an array or nested lists of shape (n, 3), or (3,) for one point; file units. Types too
+                coarse for a shape far from its origin give one `RoundedPointsWarning`.
             what: Some of `sdf`, `part`, `logits`, `gradient`; only these are computed.
             differentiable: Whether answers keep the graph to points and parameters; the points must be a tensor.
 
@@ -111,13 +112,12 @@ class JointField(nn.Module):
         >>> len(answer.sdf), answer.part
         (1, None)
         """
-        rows, as_given = parse_points(points)
-        wanted = parse_names(what)
+        (rows, as_given), wanted = parse_points(points), parse_names(what)
         if differentiable and not isinstance(points, Tensor):
             raise InputError("differentiable=True: give the points as a tensor, which alone keeps a graph")
         with torch.set_grad_enabled(differentiable), self._without_dropout():
             inside = ((rows.to(self.centre) - self.centre) / self.scale).to(self.trunk.output.weight)
-            self._warned = self._warned or warn_outside_box(inside)
+            warn_once(self._said, rows, inside, self.normalisation)
             evaluate = evaluate_with_graph if differentiable else evaluate_fused
             answers = [self._answer(chunk, wanted, evaluate) for chunk in inside.split(CHUNK)]
         columns = (None if column[0] is None else torch.cat(column) for column in zip(*answers, strict=True))

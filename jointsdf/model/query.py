@@ -1,5 +1,6 @@
 """Queries of a field: parsing of points and names, evaluation of trunk and head, answers of the points' type."""
 
+import math
 import warnings
 from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
@@ -14,14 +15,19 @@ from jointsdf.errors import InputError, first_line
 from jointsdf.model.fused.evaluate import evaluate
 from jointsdf.model.trunk import SirenTrunk
 from jointsdf.threads import over_threads, pieces
-from jointsdf.values import BOX
+from jointsdf.values import BOX, Normalisation
 
 ANSWERS = ("sdf", "part", "logits", "gradient")
+COARSE = 1e-5  # of the shape's size: steps of the points' coordinates from which a warning is given
 ROUNDING = 1e-6  # relative to the box, before a point counts as outside
 
 
 class OutsideBoxWarning(UserWarning):
     """A field was queried outside the training box, where it extrapolates."""
+
+
+class RoundedPointsWarning(UserWarning):
+    """A field was queried at points whose floating-point type is too coarse for the shape's place."""
 
 
 class FieldQuery(NamedTuple):
@@ -139,17 +145,40 @@ def outside_box(points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
     return (points.abs() > BOX * (1 + ROUNDING)).any(dim=1)
 
 
-def warn_outside_box(points: Float[Tensor, "n 3"]) -> bool:
-    """Warn if points of the network frame are outside the training box; returns whether they are."""
-    if not bool(outside_box(points).any()):
-        return False
-    warnings.warn(
-        "points outside the training box: the field was not trained there, its distances are extrapolated and its "
-        "parts -1 (said once)",
-        OutsideBoxWarning,
-        stacklevel=3,
-    )
-    return True
+def warn_once(
+    said: set[type[Warning]], given: Float[Tensor, "n 3"], points: Float[Tensor, "n 3"], frame: Normalisation
+) -> None:
+    """Warn of points outside the training box, and of points in too few digits for its place, once of each.
+
+    Args:
+        said: Warnings that were given; those given now are added.
+        given: The points as given, file frame.
+        points: The points in the network frame.
+        frame: File frame -> network frame.
+    """
+    found: dict[type[Warning], str] = {}
+    if outside_box(points).any():
+        found[OutsideBoxWarning] = (
+            "points outside the training box: the field was not trained there, its distances are extrapolated and its "
+            "parts -1 (said once)"
+        )
+    spacing, size = _spacing(given, float(np.abs(frame.centre).max()) + BOX * frame.scale), 2 * frame.scale
+    if spacing > COARSE * size:
+        found[RoundedPointsWarning] = (
+            f"points in {str(given.dtype).removeprefix('torch.')}, which so far from the origin come in steps of "
+            f"{spacing:.2g} file units ({spacing / size:.1e} of the shape's size): give float64 (said once)"
+        )
+    for kind in found.keys() - said:
+        said.add(kind)
+        warnings.warn(found[kind], kind, stacklevel=3)
+
+
+def _spacing(points: Float[Tensor, "n 3"], most: float) -> float:
+    """Distance between neighbouring numbers of the points' type at their largest coordinate, or at `most` if less."""
+    if points.numel() == 0 or points.dtype == torch.float64:
+        return 0.0
+    exponent = math.frexp(min(float(points.detach().abs().max()), most))[1] - 1
+    return math.ldexp(torch.finfo(points.dtype).eps, exponent)
 
 
 def _to_tensor(given: Any) -> Tensor:

@@ -19,8 +19,9 @@ from jointsdf.shapes.labels.unlabelled import UnlabelledShape
 from jointsdf.shapes.loading import LabelRequest
 from jointsdf.shapes.readers.file_mesh import FileMesh, check_mesh
 from jointsdf.shapes.repair import repair_mesh
+from jointsdf.shapes.units import AUTO, choose_unit
 from jointsdf.user_paths import expand_home
-from jointsdf.values import UNLABELLED, LabelledMesh, Shape
+from jointsdf.values import ASSUMED_UNIT, UNLABELLED, LabelledMesh, Shape
 
 
 def from_arrays(
@@ -31,6 +32,7 @@ def from_arrays(
     num_parts: int | None = None,
     partfield_dir: str | Path | None = None,
     name: str | None = None,
+    unit: str = AUTO,
 ) -> Shape:
     """Make a shape of a triangle mesh, in the frame of its vertices.
 
@@ -42,6 +44,7 @@ def from_arrays(
         num_parts: Number of parts, for a provider that can choose.
         partfield_dir: PartField's output folder, for `labels="partfield"`.
         name: Names the shape; `mesh-<6 hex digits of its content>` without.
+        unit: Of the vertices: mm, cm, m, um, in or ft; `auto`: mm is assumed.
 
     Raises:
         InputError: Arrays of another shape, values out of range, or labels that do not fit.
@@ -81,6 +84,7 @@ def from_arrays(
         dropped=dropped,
         folded=solid.folded,
         welded=solid.welded,
+        unit=choose_unit(called, ASSUMED_UNIT, unit),
     )
 
 

@@ -19,6 +19,7 @@ from jointsdf.shapes.readers.abc_features import find_features_file
 from jointsdf.shapes.readers.file_mesh import FileMesh
 from jointsdf.shapes.readers.triangles import read_triangles
 from jointsdf.shapes.repair import repair_mesh
+from jointsdf.shapes.units import AUTO, choose_unit
 from jointsdf.user_paths import expand_home
 from jointsdf.values import ASSUMED_UNIT, UNLABELLED, LabelledMesh, Shape
 
@@ -64,6 +65,7 @@ def load(
     segmented: bool = True,
     step_tolerance: float = 1e-4,
     step_angle: float = 0.1,
+    unit: str = AUTO,
 ) -> Shape:
     """Load one shape with its part labels, in the file frame, with original label ids.
 
@@ -82,6 +84,7 @@ def load(
         segmented: Whether at least two labelled parts are needed.
         step_tolerance: Largest distance of a STEP file's triangles from its surfaces, relative to its longest side.
         step_angle: Largest angle between neighbouring chords of a STEP file's curves, radians.
+        unit: Length unit of a file that names none: mm, cm, m, um, in or ft. `auto`: the file's own, else mm.
 
     Raises:
         InputError: The name, path, mesh or label file cannot be used, or a segmentation has nothing to learn.
@@ -102,7 +105,7 @@ def load(
         raise InputError(f"unknown shape {shape!r}: near names are {', '.join(near)}; or give the path of a mesh file")
     if segmented:
         require_parts(loaded)
-    return loaded
+    return replace(loaded, unit=choose_unit(shape, loaded.unit, unit))
 
 
 def require_parts(shape: Shape) -> None:
@@ -183,4 +186,5 @@ def _load_file(
         unit=found.unit or ASSUMED_UNIT,
         folded=solid.folded,
         welded=solid.welded,
+        up=found.up,
     )

@@ -12,7 +12,7 @@ from jointsdf.geometry.rays import ray_lengths
 from jointsdf.geometry.sampling import sample_by_area
 from jointsdf.geometry.topology import count_cavities, count_components
 from jointsdf.geometry.winding import WindingNumber
-from jointsdf.values import UNLABELLED, LabelledMesh, Shape
+from jointsdf.values import UNLABELLED, LabelledMesh, Shape, Unit
 
 SAMPLES, WINDINGS = 10000, 2000  # points on the surface for rays, and for winding numbers
 CONTACT = 1e-4  # of the longest side: faces nearer than that may touch
@@ -40,6 +40,7 @@ class MeshReport:
         welded: Number of vertices moved to another one, nearly at the same place.
         contacts: Share of the surface nearer than 1e-4 of the longest side to another face, inward or outward.
         buried: Share of the surface that lies inside the solid: bodies overlap or touch, or there are faces within.
+        unit: Of the file.
         wall: Thickness that 1% of the surface's walls are below; infinite where no ray meets a wall.
         parts: Each part's id and share of the area, largest first.
     """
@@ -54,6 +55,7 @@ class MeshReport:
     welded: int
     contacts: float
     buried: float
+    unit: Unit
     wall: float
     parts: tuple[tuple[int, float], ...]
 
@@ -69,9 +71,13 @@ class MeshReport:
         repairs = f"{self.flipped} faces flipped, {self.dropped} dropped, {self.welded} vertices welded"
         shown = [f"{part}: {share:.1%}" for part, share in self.parts[:LISTED]]
         more = [f"and {len(self.parts) - LISTED} more"] if len(self.parts) > LISTED else []
-        cells = f"{self.wall:.4g}, {self.wall / cell:.1f} cells of the grid (1% of the walls are thinner)"
+        cells = (
+            f"{self.wall:.4g} {self.unit.name}, {self.wall / cell:.1f} cells of the grid (1% of the walls are thinner)"
+        )
+        closed = "watertight" if self.watertight else "not watertight"
+        unit = f"unit {self.unit.name}" + ("" if self.unit.known else " (assumed; unit=in says otherwise)")
         return [
-            f"{self.name}: {self.faces} faces, {pieces}, {'watertight' if self.watertight else 'not watertight'}",
+            f"{self.name}: {self.faces} faces, {pieces}, {closed}, {unit}",
             f"  repairs       {repairs if self.flipped or self.dropped or self.welded else 'none'}",
             f"  near contact  {self.contacts:.2%} of the surface, inside the solid {self.buried:.2%}",
             f"  thinnest wall {cells if np.isfinite(self.wall) else 'none met'}",
@@ -104,13 +110,15 @@ class MeshReport:
         """Whole numbers for a result row."""
         return {"components_gt": self.components, "flipped_gt": self.flipped, "dropped_gt": self.dropped}
 
-    def facts(self) -> dict[str, float | bool]:
+    def facts(self) -> dict[str, float | bool | str]:
         """Other facts for a result row."""
         return {
             "watertight": self.watertight,
             "near_contact": round(self.contacts, 5),
             "inside_solid": round(self.buried, 5),
             "thinnest_wall": self.wall,
+            "unit": self.unit.name,
+            "unit_known": self.unit.known,
         }
 
 
@@ -139,6 +147,7 @@ def mesh_report(shape: Shape) -> MeshReport:
         shape.welded,
         float(near.mean()),
         _buried(vertices, mesh.faces, points, normals),
+        shape.unit,
         wall,
         tuple((int(mesh.part_ids[part]), float(part_areas[part] / areas.sum())) for part in order),
     )

@@ -1,12 +1,12 @@
 """Names of shapes: those of the catalogues, and those of mesh files in rows and folders."""
 
-import hashlib
 import re
 import unicodedata
 from pathlib import Path
 
 from jointsdf.shapes import abc, builtin
 from jointsdf.shapes.readers.formats import stem_of
+from jointsdf.shapes.readers.gltf_container import content_sha256
 from jointsdf.user_paths import expand_home
 
 FALLBACK = "part_01"  # in place of an ABC mesh that is not on this machine
@@ -37,7 +37,7 @@ def name_of(shape: str, *, abc_root: str | Path, abc_missing: str) -> str:
     if shape in builtin.BUILTINS or not path.is_file():
         return _safe_stem(path)
     try:
-        return name_of_file(path, hashlib.sha256(path.read_bytes()).hexdigest())
+        return name_of_file(path, content_sha256(path, path.read_bytes()))
     except OSError:  # reported by whoever loads it
         return _safe_stem(path)
 

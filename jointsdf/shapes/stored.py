@@ -7,6 +7,7 @@ from typing import Any
 from jointsdf import shapes
 from jointsdf.errors import InputError
 from jointsdf.runs.folder import read_config
+from jointsdf.shapes.units import AUTO
 from jointsdf.values import Shape
 
 
@@ -14,7 +15,8 @@ def load_configured(settings: Mapping[str, Any]) -> Shape:
     """Load the shape of a resolved config, with its labels.
 
     Args:
-        settings: With the keys `shape`, `labels`, `num_parts`, `partfield_dir`, `paths`, `head` and `tessellation`.
+        settings: With the keys `shape`, `labels`, `num_parts`, `partfield_dir`, `paths`, `head` and `tessellation`, and
+            `unit`, which older configs lack.
 
     Raises:
         InputError: The shape or its labels cannot be used.
@@ -29,6 +31,7 @@ def load_configured(settings: Mapping[str, Any]) -> Shape:
         segmented=settings["head"]["name"] != "none",
         step_tolerance=settings["tessellation"]["tolerance"],
         step_angle=settings["tessellation"]["angle"],
+        unit=str(settings.get("unit", AUTO)),
     )
 
 

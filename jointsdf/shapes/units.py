@@ -1,13 +1,16 @@
-"""Length units of files by their size."""
+"""Length units of files: by their size, and as the user gives them."""
 
 import math
 
+from jointsdf.errors import InputError
 from jointsdf.values import Unit
 
 METRES = {
     "mm": 1e-3, "cm": 1e-2, "m": 1.0, "um": 1e-6, "in": 0.0254, "ft": 0.3048,
     "nm": 1e-9, "dm": 0.1, "km": 1e3, "mil": 2.54e-5, "yd": 0.9144,
 }  # fmt: skip
+AUTO = "auto"  # the file's own unit, else the assumed one
+GIVEN = {**{name: name for name in ("mm", "cm", "m", "um", "in", "ft")}, "inch": "in"}  # what the user may write
 
 
 def unit_of_metres(metres: float) -> Unit:
@@ -18,3 +21,24 @@ def unit_of_metres(metres: float) -> Unit:
     """
     names = (name for name, size in METRES.items() if math.isclose(size, metres, rel_tol=1e-9))
     return Unit(next(names, f"{metres:.12g}m"), metres)
+
+
+def choose_unit(source: str, own: Unit, given: str) -> Unit:
+    """Choose the unit of a file: its own where that is known, else the one that the user gives, else the assumed one.
+
+    Args:
+        source: Names the file in messages.
+        own: The unit that the file declares, or the assumed one.
+        given: A key of `GIVEN`, or `auto`.
+
+    Raises:
+        InputError: An unknown name, or one that contradicts the file.
+    """
+    if given == AUTO:
+        return own
+    if given not in GIVEN:
+        raise InputError(f"unit={given}: give one of {', '.join(GIVEN)}, or {AUTO}")
+    unit = Unit(GIVEN[given], METRES[GIVEN[given]])
+    if own.known and not math.isclose(own.metres, unit.metres, rel_tol=1e-6):
+        raise InputError(f"{source}: unit={given} contradicts the file, which is in {own.name}: leave unit={AUTO}")
+    return unit

@@ -33,6 +33,9 @@ def test_the_same_command_gives_the_row_at_once_and_touches_nothing(tmp_path):
         assert train(tmp_path, where_and_how).code == 0
         assert contents(tmp_path) == before, where_and_how
     assert folder.is_dir()
+    answer = train(tmp_path, "unit=in")
+    assert answer.lines[1].endswith(f"{folder.name}: its files are in mm, not in; force=true writes them again")
+    assert contents(tmp_path) == before
 
 
 def test_another_config_is_refused_and_the_keys_are_listed(tmp_path):

@@ -1,6 +1,7 @@
 """Files and result row of a run."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,10 @@ from run_folders import OUTPUTS_LEVEL, row_of
 from jointsdf.data.point_cloud import Cloud
 from jointsdf.model.field import JointField
 from jointsdf.shapes.builtin import BUILTINS
+from jointsdf.shapes.readers.mesh_file import read_mesh
 from jointsdf.study.__main__ import main as study
+from jointsdf.values import Unit
+from jointsdf.viewing.part_mesh import PartMesh
 
 pytestmark = pytest.mark.filterwarnings("default")
 FILES = {
@@ -106,6 +110,23 @@ def test_the_mesh_files_agree():
     size = np.ptp(truth, axis=0).max()
     assert (mesh.vertices > truth.min(axis=0) - 0.7 * size).all()
     assert (mesh.vertices < truth.max(axis=0) + 0.7 * size).all()
+
+
+def test_unit_and_axis_of_the_shape_go_through_the_run(tmp_path):
+    ring = trimesh.creation.annulus(r_min=3.0, r_max=4.0, height=2.0)
+    given = PartMesh(ring.vertices, ring.faces, (ring.face_normals[:, 2] > 0.5).astype(int), up="y")
+    given.export(tmp_path / "ring.ply")
+    shape = f"shape={tmp_path / 'ring.ply'}", f"labels={tmp_path / 'ring.ply'}"
+    answer = train(tmp_path / "runs", *shape, "unit=inch")
+    (path,) = (tmp_path / "runs").rglob("result.json")
+    provenance = row_of(path.parent)["provenance"]
+    assert (provenance["unit"], provenance["unit_known"]) == ("in", True)
+    for name in ("mesh.ply", "mesh.glb"):
+        written = read_mesh(path.with_name(name))
+        assert (written.unit, written.up) == (Unit("in", 0.0254), "y")
+    lengths = (r"unit in\n", r"thinnest wall [\d.]+ in,", r"wall \([\d.]+ in\)", r"cells of the grid \(of [\d.]+ in\)")
+    for length in (*lengths, r"is within [\d.]+ in of the part"):
+        assert re.search(length, answer.text), answer.text
 
 
 def test_the_field_answers_in_file_units():

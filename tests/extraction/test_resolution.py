@@ -152,14 +152,14 @@ def test_every_step_of_the_ladder_is_taken_and_no_wall_is_the_coarsest() -> None
 
 
 def test_a_wall_under_two_cells_warns_with_the_resolution_that_holds_it() -> None:
-    warning = thin_wall_warning(0.1, 128, 10.0)
+    warning = thin_wall_warning(0.1, 128, 10.0, "mm")
     assert warning is not None
-    assert "thinnest wall (0.1) is under 2 cells of the grid (of 0.173)" in warning
+    assert "thinnest wall (0.1 mm) is under 2 cells of the grid (of 0.173 mm)" in warning
     enough = int(warning.rpartition("=")[2])
-    assert thin_wall_warning(0.1, enough, 10.0) is None
-    assert thin_wall_warning(0.1, enough - 1, 10.0) is not None
-    assert f"no grid up to {FINEST} can hold it" in str(thin_wall_warning(0.01, 256, 10.0))
-    assert thin_wall_warning(float("inf"), 8, 1.0) is None
+    assert thin_wall_warning(0.1, enough, 10.0, "mm") is None
+    assert thin_wall_warning(0.1, enough - 1, 10.0, "mm") is not None
+    assert f"no grid up to {FINEST} can hold it" in str(thin_wall_warning(0.01, 256, 10.0, "mm"))
+    assert thin_wall_warning(float("inf"), 8, 1.0, "mm") is None
 
 
 def test_a_cell_is_the_boxs_side_by_the_intervals_of_the_grid() -> None:

@@ -10,8 +10,8 @@ from conftest import BOX_PARTS
 from jointsdf.errors import InputError
 from jointsdf.model import query
 from jointsdf.model.field import JointField
-from jointsdf.model.query import OutsideBoxWarning
-from jointsdf.values import BOX, Normalisation
+from jointsdf.model.query import OutsideBoxWarning, RoundedPointsWarning
+from jointsdf.values import BOX, UNMOVED, Normalisation
 
 BuildField = Callable[..., JointField]
 
@@ -171,3 +171,30 @@ def test_arrays_of_any_layout_are_points(small_field: Callable[..., JointField],
     }[kind]
     given.flags.writeable = kind != "read only"
     np.testing.assert_array_equal(field.query(given).sdf, field.query(points).sdf)
+
+
+@pytest.mark.parametrize(("centre", "scale"), [(4e6, 50.0), (-4e6, 50.0), (3e-4, 5e-5), (-4e15, 5e10)])
+def test_a_field_anywhere_and_of_any_size_answers_as_in_its_own_frame(
+    small_field: BuildField, centre: float, scale: float
+) -> None:
+    points = (2 * np.random.default_rng(0).integers(-32, 32, (60, 3)) + 1) / 64
+    expected = small_field("siren", normalisation=UNMOVED).eval().query(points)
+    far = small_field("siren", normalisation=Normalisation(np.full(3, centre), scale)).eval()
+    for kind in KINDS.values():
+        found = far.query(kind(points * scale + centre))
+        np.testing.assert_array_equal(found.sdf, expected.sdf * np.float32(scale))
+        for name in ("part", "logits", "gradient"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+
+
+@pytest.mark.filterwarnings("ignore::jointsdf.model.query.OutsideBoxWarning")
+@pytest.mark.parametrize(("kind", "steps"), [("float32", r"0\.25 .*\(2\.5e-03 "), ("bfloat16", r"1\.6e\+04 .*")])
+def test_too_coarse_points_are_told_once(small_field: BuildField, kind: str, steps: str) -> None:
+    far = small_field("siren", normalisation=Normalisation(np.full(3, -4e6), 50.0)).eval()
+    points = torch.full((4, 3), -4e6, dtype=torch.float64)
+    coarse = points.to(getattr(torch, kind))
+    far.query(points)  # a warning would fail the test
+    with pytest.warns(RoundedPointsWarning, match=rf"^points in {kind}, .* steps of {steps}.*: give float64"):
+        far.query(coarse)
+    far.query(coarse)  # as would a second one, or one of points far from a near shape
+    small_field("siren").eval().query(points.float())

@@ -1,4 +1,5 @@
 import logging
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from jointsdf import shapes
 from jointsdf.shapes.arrays import from_arrays
 from jointsdf.shapes.mesh_report import MeshReport, mesh_report
 from jointsdf.shapes.repair import repair_mesh
-from jointsdf.values import LabelledMesh, Shape
+from jointsdf.values import LabelledMesh, Shape, Unit
 
 
 def report_on(mesh: trimesh.Trimesh, labels: np.ndarray | None = None) -> MeshReport:
@@ -50,7 +51,16 @@ def test_the_report_is_logged_with_the_wall_in_cells(caplog: pytest.LogCaptureFi
     report = report_on(plate(0.1))
     report.log(0.05)
     assert [record.getMessage() for record in caplog.records] == report.lines(0.05)
-    assert "thinnest wall 0.1, 2.0 cells of the grid" in caplog.text
+    assert "thinnest wall 0.1 mm, 2.0 cells of the grid" in caplog.text
+
+
+def test_the_unit_is_said_once_and_whether_it_is_known() -> None:
+    report = report_on(plate(0.1))
+    assert report.lines(0.05)[0].endswith(", watertight, unit mm (assumed; unit=in says otherwise)")
+    assert (report.facts()["unit"], report.facts()["unit_known"]) == ("mm", False)
+    known = replace(report, unit=Unit("in", 0.0254))
+    assert known.lines(0.05)[0].endswith(", watertight, unit in")
+    assert "0.1 in, 2.0 cells" in known.lines(0.05)[3]
 
 
 def test_bodies_that_overlap_are_told_by_the_surface_inside() -> None:
@@ -131,7 +141,7 @@ def test_repairs_of_a_file_are_counted(tmp_path: Path) -> None:
     assert report.counts() == {"components_gt": 1, "flipped_gt": 2, "dropped_gt": 3}
     assert report.lines(0.1)[1] == "  repairs       2 faces flipped, 3 dropped, 0 vertices welded"
     assert report.lines(0.1)[-1] == "  parts         0"
-    assert set(report.facts()) == {"watertight", "near_contact", "inside_solid", "thinnest_wall"}
+    assert set(report.facts()) == {"watertight", "near_contact", "inside_solid", "thinnest_wall", "unit", "unit_known"}
 
 
 def test_the_report_does_not_depend_on_unit_and_place() -> None:

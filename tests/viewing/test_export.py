@@ -7,9 +7,11 @@ import pytest
 import trimesh
 from labelled_meshes import EMPTY, box, by_side, sphere
 
-from jointsdf.values import LabelledMesh
+from jointsdf.values import LabelledMesh, Unit
 from jointsdf.viewing.export import TENSORBOARD_VERTICES, tensorboard_mesh, write_mesh
 from jointsdf.viewing.palette import part_colours
+
+TO_Y_UP = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # (x, y, z) -> (x, z, -y)
 
 
 def test_ply_and_labels_round_trip_exactly(tmp_path: Path) -> None:
@@ -33,6 +35,13 @@ def test_ply_and_labels_round_trip_exactly(tmp_path: Path) -> None:
     np.testing.assert_array_equal(stored, labels)
 
 
+def test_ply_says_the_unit(tmp_path: Path) -> None:
+    write_mesh(tmp_path / "assumed", box(by_side))
+    write_mesh(tmp_path / "inch", box(by_side), Unit("in", 0.0254))
+    assert b"\ncomment unit mm 0.001 assumed\n" in (tmp_path / "assumed" / "mesh.ply").read_bytes()
+    assert b"\ncomment unit in 0.0254\n" in (tmp_path / "inch" / "mesh.ply").read_bytes()
+
+
 def test_glb_has_one_coloured_node_per_part(tmp_path: Path) -> None:
     mesh = box(lambda normals: by_side(normals) - 1)
     write_mesh(tmp_path, mesh)
@@ -41,8 +50,10 @@ def test_glb_has_one_coloured_node_per_part(tmp_path: Path) -> None:
     assert set(scene.graph.nodes_geometry) == set(names)
     for name, part in names.items():
         geometry = scene.geometry[name]
-        triangles = mesh.vertices[mesh.faces[mesh.labels == part]]
-        np.testing.assert_allclose(geometry.triangles, triangles, atol=1e-6)
+        triangles = mesh.vertices[mesh.faces[mesh.labels == part]] @ TO_Y_UP * 1e-3
+        placed = trimesh.transform_points(geometry.triangles.reshape(-1, 3), scene.graph[name][0])
+        np.testing.assert_allclose(placed.reshape(-1, 3, 3), triangles, atol=1e-9)
+        assert geometry.visual.material.doubleSided
         linear = np.array(geometry.visual.material.baseColorFactor[:3]) / 255
         srgb = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
         np.testing.assert_allclose(srgb * 255, part_colours(np.array([part]))[0], atol=6)

@@ -11,8 +11,7 @@ from numpy import ndarray
 
 from jointsdf.errors import InputError
 from jointsdf.shapes.labels.contents import describe_content
-from jointsdf.shapes.readers.content import decompress
-from jointsdf.shapes.readers.formats import GZIP
+from jointsdf.shapes.readers.content import unpack
 
 NAMED = "labels"  # the array of several in an `.npz` that is taken
 BY_CONTENT = {"text": "name it .txt or .csv", "a zip archive (.npz?)": "name it .npz"}
@@ -67,8 +66,7 @@ def read_bytes(path: Path) -> bytes:
         InputError: It cannot be opened, or is compressed and damaged.
     """
     try:
-        data = path.read_bytes()
-        return decompress(path, data) if data and path.suffix.lower() == GZIP else data
+        return unpack(path, path.read_bytes())
     except OSError as error:
         raise InputError(f"labels file {path} cannot be opened: {error.strerror or error}") from error
 

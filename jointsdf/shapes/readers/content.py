@@ -54,8 +54,7 @@ def read_content(path: Path) -> Content:
         stored = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path} cannot be opened: {error.strerror}") from error
-    is_packed = path.suffix.lower() == GZIP
-    data = decompress(path, stored) if is_packed and stored else stored
+    data = unpack(path, stored)
     _check_format(path, data)
     if not data.strip(b" \t\r\n\0"):
         raise InputError(f"{path} is empty ({len(stored)} bytes without a mesh): export it again")
@@ -83,16 +82,20 @@ def _renamed(path: Path, suffix: str) -> str:
     return f"{stem_of(path)}.{suffix}{packing}"
 
 
-def decompress(path: Path, stored: bytes) -> bytes:
-    """Decompress gzip (RFC 1952), in pieces, so that a small file cannot fill the memory.
+def unpack(path: Path, stored: bytes) -> bytes:
+    """Decompress a file whose name ends in `.gz` (gzip, RFC 1952); any other one is as it is.
+
+    It is decompressed in pieces, so that a small file cannot fill the memory.
 
     Args:
-        path: Names the file in messages.
-        stored: One or several members, one after another.
+        path: The file.
+        stored: Its bytes: one or several members, one after another.
 
     Raises:
         InputError: It is no gzip, truncated, damaged, or larger than a mesh.
     """
+    if not stored or path.suffix.lower() != GZIP:
+        return stored
     pieces: list[bytes] = []
     size, at = 0, 0
     while stored[at:].strip(b"\0"):

@@ -40,6 +40,7 @@ class FileMesh:
             triangles; else None.
         columns: Columns of the triangles by name.
         unit: Length unit that the file declares; None where it declares none.
+        up: Axis that points up: `z` in CAD, `y` in glTF.
     """
 
     vertices: Float[ndarray, "v 3"]
@@ -48,6 +49,7 @@ class FileMesh:
     polygons: Int[ndarray, " f"] | None = None
     columns: Mapping[str, FaceColumn] = field(default_factory=dict)
     unit: Unit | None = None
+    up: str = "z"
 
     @property
     def has_polygons(self) -> bool:

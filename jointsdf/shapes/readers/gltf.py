@@ -49,7 +49,7 @@ def read_gltf(path: Path, data: bytes) -> FileMesh:
     try:
         file = open_container(path, data)
         _refuse_extensions(str(path), file)
-        placements, unit = place_meshes(file)
+        placements, frame = place_meshes(file)
         pieces = _collect_pieces(str(path), file, placements)
     except InputError:
         raise
@@ -58,7 +58,7 @@ def read_gltf(path: Path, data: bytes) -> FileMesh:
         raise InputError(f"{path} cannot be read as {kind}: {first_line(error)}; export it again") from error
     _warn_of_left_out(str(path), file, placements)
     vertices, faces = _join(pieces)
-    return FileMesh(vertices, faces, file.sha256, columns=_collect_columns(pieces), unit=unit)
+    return FileMesh(vertices, faces, file.sha256, columns=_collect_columns(pieces), unit=frame.unit, up=frame.up)
 
 
 def _refuse_extensions(source: str, file: Container) -> None:

@@ -1,9 +1,10 @@
-"""Scene graph of a glTF file: where each node places its mesh, and the unit of length.
+"""Scene graph of a glTF file: where each node places its mesh, the unit of length and the axis that points up.
 
 Format: Khronos, "glTF 2.0 Specification", section 3.5 (scenes, nodes, transformations); EXT_mesh_gpu_instancing.
 """
 
 import math
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -15,10 +16,19 @@ from jointsdf.shapes.readers.gltf_container import Container
 from jointsdf.shapes.readers.gltf_json import Json, entries, indices, integer, name_of, nested, numbers, pick
 from jointsdf.values import Unit
 
-METRE = Unit("m", 1.0)
 FILE_UNITS = "file_units"  # root node of a file that this program wrote: it maps the file frame to metres, Y up
 INSTANCES = "EXT_mesh_gpu_instancing"
 IDENTITY = tuple(np.eye(4).ravel().tolist())
+
+
+class Frame(NamedTuple):
+    """The file frame: its length unit, and its axis that points up, `y` or `z`."""
+
+    unit: Unit
+    up: str
+
+
+METRES_Y_UP = Frame(Unit("m", 1.0), "y")  # of any file that this program did not write
 
 
 class Placement(NamedTuple):
@@ -39,13 +49,13 @@ class Placement(NamedTuple):
     name: str
 
 
-def place_meshes(file: Container) -> tuple[list[Placement], Unit]:
+def place_meshes(file: Container) -> tuple[list[Placement], Frame]:
     """Place the meshes of the default scene, in the order of the nodes.
 
     Without a default, that is the first scene; without scenes, all nodes; without nodes, the meshes themselves.
 
     Returns:
-        The placements, and the file's unit of length: the metre, or that which this program wrote.
+        The placements, and the file frame: glTF's own, or that which this program wrote.
 
     Raises:
         ValueError: A node is damaged, in a cycle, or the child of two nodes.
@@ -53,9 +63,9 @@ def place_meshes(file: Container) -> tuple[list[Placement], Unit]:
     nodes, roots = entries(file.document, "nodes"), _find_roots(file.document)
     if not nodes and not entries(file.document, "scenes"):
         meshes = range(len(entries(file.document, "meshes")))
-        return [Placement(mesh, mesh, np.eye(4), "", "") for mesh in meshes], METRE
-    unit = _written_unit(file.document)
-    is_own = unit is not None and len(roots) == 1 and name_of(pick(file.document, "nodes", roots[0])) == FILE_UNITS
+        return [Placement(mesh, mesh, np.eye(4), "", "") for mesh in meshes], METRES_Y_UP
+    frame = _written_frame(file.document)
+    is_own = frame is not None and len(roots) == 1 and name_of(pick(file.document, "nodes", roots[0])) == FILE_UNITS
     placements: list[Placement] = []
     seen: set[int] = set()
     waiting = [(root, np.eye(4), "") for root in roots]
@@ -71,7 +81,7 @@ def place_meshes(file: Container) -> tuple[list[Placement], Unit]:
         if "mesh" in node:
             for matrix in _instance_matrices(file, node):
                 placements.append(Placement(index, integer(node, "mesh"), world @ matrix, name_of(node), name))
-    return sorted(placements, key=lambda each: each.node), unit if is_own and unit else METRE
+    return sorted(placements, key=lambda each: each.node), frame if is_own and frame else METRES_Y_UP
 
 
 def _find_roots(document: Json) -> list[int]:
@@ -136,11 +146,12 @@ def _instance_matrices(file: Container, node: Json) -> list[Float[ndarray, "4 4"
     return [_compose(*each) for each in zip(*columns, strict=True)]
 
 
-def _written_unit(document: Json) -> Unit | None:
-    """Unit that this program wrote into the file; None where it did not."""
+def _written_frame(document: Json) -> Frame | None:
+    """File frame that this program wrote into the file; None where it did not."""
     written = nested(document, "asset", "extras", "jointsdf")
     name, metres, known = written.get("unit"), written.get("metres"), written.get("known")
+    is_name = isinstance(name, str) and re.fullmatch(r"[!-~]{1,24}", name)
     is_length = isinstance(metres, int | float) and not isinstance(metres, bool) and 0 < metres < math.inf
-    if not isinstance(name, str) or not is_length or not isinstance(known, bool):
+    if not is_name or not is_length or not isinstance(known, bool):
         return None
-    return Unit(name, float(metres), known)  # type: ignore[arg-type]
+    return Frame(Unit(name, float(metres), known), "y" if written.get("up") == "y" else "z")  # type: ignore[arg-type]

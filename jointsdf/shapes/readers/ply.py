@@ -38,7 +38,8 @@ def read_ply(path: Path, data: bytes) -> FileMesh:
     """Read a PLY file.
 
     Columns are the scalar properties of its faces and vertices, and `colour`; of the vertices', those that most of a
-    triangle's corners have. A comment `unit mm 0.001` gives the unit, with `assumed` where nobody said it.
+    triangle's corners have. A comment `unit mm 0.001` gives the unit, with `assumed` where nobody said it; `up y` says
+    that the y axis points up.
 
     Args:
         path: Names the file in messages.
@@ -64,7 +65,8 @@ def read_ply(path: Path, data: bytes) -> FileMesh:
             raise InputError(f"{path} is a point cloud: {len(vertices)} points without faces; a mesh is needed")
         mesh = FileMesh(vertices, unroll_strips(strips.values, strips.sizes))
     columns = {**_vertex_columns(points.scalars, mesh), **mesh.columns}
-    return replace(mesh, columns=columns, unit=parse_unit(header.comments))
+    up = "y" if "up y" in header.comments else "z"
+    return replace(mesh, columns=columns, unit=parse_unit(header.comments), up=up)
 
 
 def _find_indices(path: Path, table: Table) -> Lists | None:

@@ -14,6 +14,7 @@ from jointsdf.errors import InputError
 from jointsdf.geometry.topology import signed_volume
 from jointsdf.shapes.readers.file_mesh import FileMesh
 from jointsdf.shapes.readers.gltf import read_gltf
+from jointsdf.shapes.readers.gltf_container import content_sha256
 from jointsdf.shapes.readers.mesh_file import read_mesh
 from jointsdf.values import Unit
 
@@ -207,6 +208,7 @@ def test_the_hash_covers_a_buffer_beside_the_file(tmp_path: Path) -> None:
         (tmp_path / "a.bin").write_bytes(file.binary)
         (tmp_path / "a.gltf").write_bytes(placed({}).gltf("a.bin"))
         hashes.append(read_mesh(tmp_path / "a.gltf").sha256)
+        assert content_sha256(tmp_path / "a.gltf", placed({}).gltf("a.bin")) == hashes[-1]
     assert hashes[0] == hashes[1] != hashes[2]
     (tmp_path / "a.glb").write_bytes(placed({}).glb())
     assert read_mesh(tmp_path / "a.glb").sha256 == hashlib.sha256(placed({}).glb()).hexdigest()
@@ -245,13 +247,16 @@ def test_a_file_of_ours_gives_labels_and_its_own_frame() -> None:
     file.document["asset"]["extras"] = {"jointsdf": written}
     mesh = read(file)
     assert box_bounds(mesh) == [4, 4.5, 5, 6, 7.5, 9]
-    assert mesh.unit == Unit("mm", 0.001, True)
+    assert (mesh.unit, mesh.up) == (Unit("mm", 0.001, True), "z")
     assert mesh.columns["label"].values.tolist() == [12] * 12 + [-1] * 12 + [0] * 12
     assert mesh.columns["label"].are_ids
-    for damage in ({"metres": "1"}, {"metres": -1}, {"metres": True}, {"known": 1}, {"unit": None}):
+    file.document["asset"]["extras"] = {"jointsdf": written | {"up": "y"}}
+    assert read(file).up == "y"
+    damages = [{"metres": "1"}, {"metres": -1}, {"metres": True}, {"known": 1}]
+    for damage in (*damages, *({"unit": name} for name in (None, "", "mm\nend_header", "m m", "m" * 25))):
         file.document["asset"]["extras"] = {"jointsdf": written | damage}
         np.testing.assert_allclose(box_bounds(read(file)), [0.004, 0.005, -0.0075, 0.006, 0.009, -0.0045])
-        assert read(file).unit == Unit("m", 1.0)
+        assert (read(file).unit, read(file).up) == (Unit("m", 1.0), "y")
     file.document["asset"]["extras"] = {"jointsdf": written}
     file.document["nodes"][root]["name"] = "world"
     assert read(file).unit == Unit("m", 1.0)
