@@ -51,10 +51,8 @@ def find_piercings(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) 
     corners = centred[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    found = [np.zeros((0, 2), dtype=np.int64)]
-    for edge, face in successive_hits(corners, start, (end - start) / lengths[:, None], lengths):
-        apart = (faces[face][:, :, None] != ends[edge][:, None, :]).all(axis=(1, 2))
-        found.append(np.stack([edge, face], axis=1)[apart])
+    hits = successive_hits(corners, start, (end - start) / lengths[:, None], lengths)
+    found = [np.zeros((0, 2), dtype=np.int64), *(np.stack(pair, axis=1) for pair in hits)]
     edge, face = np.unique(np.concatenate(found), axis=0).T
     before, behind = (np.einsum("ij,ij->i", point[edge] - corners[face, 0], normals[face]) for point in (start, end))
     depth = np.where(before * behind < 0, np.minimum(np.abs(before), np.abs(behind)), 0.0)

@@ -5,6 +5,8 @@ import pytest
 import trimesh
 from damaged_meshes import box, in_box, joined, loaded, wrong_signs
 
+from jointsdf.geometry.topology import side_uses
+
 
 def doubled(mesh: trimesh.Trimesh, which: np.ndarray, *, shared: bool) -> tuple[np.ndarray, np.ndarray]:
     vertices, faces = joined(mesh)
@@ -66,3 +68,13 @@ def test_both_sides_wound_at_random_are_one_body() -> None:
     turned = np.random.default_rng(0).random(len(both)) < 0.5
     shape = loaded(vertices, np.where(turned[:, None], both[:, ::-1], both))
     assert (shape.watertight, len(shape.mesh.faces)) == (True, len(faces))
+
+
+def test_a_repeated_face_with_two_open_sides_is_dropped() -> None:
+    solid = box(1.0)
+    solid.update_faces(solid.face_normals[:, 2] < 0.5)
+    vertices, faces = joined(solid)
+    row, side = np.argwhere(side_uses(faces) == 1)[0]
+    flap = [faces[row, (side + 1) % 3], faces[row, side], len(vertices)]  # joined to the rim, its other sides open
+    shape = loaded(np.concatenate([vertices, [[0.0, 0.0, 2.0]]]), np.concatenate([faces, [flap, flap]]))
+    assert (shape.dropped, len(shape.mesh.faces)) == (1, 11)

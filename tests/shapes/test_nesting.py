@@ -15,18 +15,19 @@ def depths(*bodies: trimesh.Trimesh) -> list[int]:
 
 def test_random_balls_that_do_not_touch_are_in_those_that_hold_them() -> None:
     generator = np.random.default_rng(3)
-    middles, radii = np.zeros((0, 3)), np.zeros(0)
-    while len(radii) < 60:
-        middle, radius = generator.uniform(-1, 1, 3), generator.choice([0.03, 0.06, 0.12, 0.25, 0.5, 0.9])
+    middles, radii = np.zeros((1, 3)), np.array([0.9])
+    for radius in np.repeat([0.4, 0.2, 0.1, 0.05], 60):
+        middle = generator.uniform(-1, 1, 3)
         apart = np.linalg.norm(middles - middle, axis=1)
-        clear = (apart > 1.05 * (radii + radius)) | (apart < 0.9 * np.abs(radii - radius) - 0.01)
-        if clear.all():
+        if ((apart > 1.05 * (radii + radius)) | (apart < 0.95 * radii - radius)).all():
             middles, radii = np.concatenate([middles, [middle]]), np.append(radii, radius)
+    order = generator.permutation(len(radii))
+    middles, radii = middles[order], radii[order]
     balls = [
         trimesh.creation.icosphere(3, radius).apply_translation(at) for radius, at in zip(radii, middles, strict=True)
     ]
     holds = np.linalg.norm(middles[:, None] - middles, axis=2) < radii - radii[:, None]
-    assert holds.sum() > 20
+    assert set(holds.sum(axis=1)) >= {0, 1, 2}
     assert depths(*balls) == holds.sum(axis=1).tolist()
 
 

@@ -54,3 +54,14 @@ def test_an_undecided_side_closes_the_decided_ones(inside_out: bool) -> None:
     faces[7] = faces[7, ::-1] if inside_out else faces[7]
     patch = (np.arange(len(faces)) == 7).astype(int)
     assert wind_partitions(faces, patch, np.array([False, True])).tolist() == [False, inside_out]
+
+
+@pytest.mark.parametrize("turned", [[], [0], [1, 2], [0, 2], [0, 1, 2]])
+def test_undecided_faces_beside_each_other_follow_the_decided_ones(turned: list[int]) -> None:
+    faces = np.array(trimesh.creation.icosphere(1).faces)
+    around = np.flatnonzero((faces == faces[0, 0]).any(axis=1))  # all faces at one vertex
+    patch = np.zeros(len(faces), dtype=np.int64)
+    patch[around] = 1 + np.arange(len(around))
+    faces[around[turned]] = faces[around[turned], ::-1]
+    found = wind_partitions(faces, patch, np.arange(len(around) + 1) > 0)
+    assert np.flatnonzero(found).tolist() == [1 + index for index in turned]

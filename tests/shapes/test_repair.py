@@ -63,6 +63,8 @@ def test_one_sided_surface_is_not_taken_for_watertight(caplog: pytest.LogCapture
     solid = repair.repair_mesh("it", np.random.default_rng(0).random((6, 3)), faces)
     assert not solid.watertight
     assert "one-sided" in caplog.text
+    assert "inside out" not in caplog.text
+    assert solid.flipped == 0
 
 
 def test_two_million_faces_warn(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:

@@ -49,3 +49,13 @@ def test_two_sheets_at_one_place_stop_no_ray_and_have_no_outer_side() -> None:
     vertices, faces = np.concatenate([ball.vertices, wall, wall]), np.concatenate([ball.faces, cuts])
     patch = np.repeat([0, 1, 2], [len(ball.faces), 2, 2])
     assert vote_on_sides(vertices, faces, patch, np.zeros(len(faces), dtype=bool)).tolist() == [1, 0, 0]
+
+
+def test_a_small_sheet_on_a_large_one_leaves_that_its_outer_side() -> None:
+    vertices, faces, patch = panels([])
+    small = 0.1 * vertices[:4] * (0, 1, 1) + (1, 0, 0)
+    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]), faces + 4])
+    votes = vote_on_sides(
+        np.concatenate([small, vertices]), faces, np.concatenate([[6, 6], patch]), np.zeros(14, dtype=bool)
+    )
+    assert votes[:6].tolist() == [1] * 6

@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from damaged_meshes import loaded
 
+from jointsdf.shapes.arrays import from_arrays
 from jointsdf.shapes.welding import weld
 
 
@@ -64,3 +65,18 @@ def test_patches_that_are_whole_but_apart_by_a_rounding_are_welded() -> None:
         vertices = np.concatenate([vertices, moved.astype(np.float64)])
     shape = loaded(vertices, faces)
     assert (shape.watertight, shape.welded, len(shape.mesh.vertices)) == (True, 128, len(solid.vertices))
+
+
+def test_where_float32_is_too_coarse_nothing_is_welded() -> None:
+    vertices, faces = soup(1, scale=10.0, offset=1e6)
+    assert weld("it", vertices, faces) is None
+
+
+def test_labels_follow_their_faces_past_those_that_welding_closes() -> None:
+    vertices, faces = soup(1)
+    sliver = vertices[[0]] + [[0, 0, 0], [1e-7, 0, 0], [0, 1e-7, 0]]
+    labels = np.insert(np.arange(len(faces)), 7, 9999)
+    faces = np.insert(faces, 7, len(vertices) + np.arange(3), axis=0)
+    shape = from_arrays(np.concatenate([vertices, sliver]), faces, labels=labels, name="it")
+    assert (shape.watertight, shape.dropped) == (True, 1)
+    assert shape.mesh.labels.tolist() == list(range(1280))
