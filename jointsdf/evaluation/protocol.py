@@ -1,5 +1,6 @@
 """Evaluation protocols: sample each surface once per protocol, and run every metric on the same samples."""
 
+import dataclasses
 import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -13,6 +14,7 @@ from jointsdf.geometry.caching import cached_by_identity
 from jointsdf.geometry.mesh import face_areas, face_normals
 from jointsdf.geometry.sampling import sample_by_area
 from jointsdf.metrics import Metric
+from jointsdf.metrics.distance import Distance
 from jointsdf.values import UNMOVED, LabelledMesh, Normalisation, SurfaceSamples
 
 # Fixed seeds: all runs of a shape are compared with the same ground truth samples. The floor is sampled with the
@@ -36,6 +38,7 @@ class Protocol:
         frame: Which bounding box is centred and scaled to longest side 1: "truth", the ground truth's, for both meshes;
             "own", each mesh's own (as in FlatCAD's published numbers; hides errors of scale and position).
         metrics: Metrics by any name; all run on the same samples.
+        field: Measures of the field itself by any name, in the ground truth's frame.
 
     Raises:
         InputError: An unknown frame, or fewer than 1 point.
@@ -45,6 +48,7 @@ class Protocol:
     points: int
     frame: str
     metrics: Mapping[str, Metric]
+    field: Mapping[str, Distance] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check frame and number of points."""

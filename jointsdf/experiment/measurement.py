@@ -7,6 +7,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from omegaconf import OmegaConf
 
+from jointsdf.evaluation.field_scores import field_scores
 from jointsdf.evaluation.protocol import GroundTruth, Scores
 from jointsdf.evaluation.reference_scores import reference_scores
 from jointsdf.experiment import build
@@ -20,7 +21,7 @@ from jointsdf.runs.row import ResultRow
 from jointsdf.shapes.stored import stored_truth
 from jointsdf.threads import large_pieces
 from jointsdf.training.matrix_products import use_matmul
-from jointsdf.values import LabelledMesh, Normalisation, Shape
+from jointsdf.values import LabelledMesh, Shape
 
 EXTRACTING, MEASURING = "the field's surface and its part labels", "distances and labels against the truth"
 
@@ -51,22 +52,24 @@ def extract(field: JointField, measures: build.Measures, *, refine: bool) -> tup
 
 
 def measure(
-    measures: build.Measures, shape: Shape, mesh: LabelledMesh, normalisation: Normalisation, cache_dir: Path | None
+    measures: build.Measures, shape: Shape, mesh: LabelledMesh, field: JointField, cache_dir: Path | None
 ) -> Scores:
-    """Score the mesh by every metric of every protocol, reference scores included.
+    """Score mesh and field by every metric of every protocol, reference scores included.
 
     Args:
         measures: Protocols, and the extraction whose grid bounds the reference scores.
         shape: Ground truth.
         mesh: Extracted mesh, file frame.
-        normalisation: File frame -> network frame.
+        field: The fitted field.
         cache_dir: Folder in which reference scores are cached; None for no cache.
     """
     truth = GroundTruth(shape.mesh, measures.protocols)
-    tell(0, 2, "reference scores")
-    references = reference_scores(truth, shape, measures.extraction, normalisation, cache_dir)
-    tell(1, facts="scores")
-    return {name: scores | references[name] for name, scores in truth.scores(mesh).items()}
+    tell(0, 3, "reference scores")
+    references = reference_scores(truth, shape, measures.extraction, field.normalisation, cache_dir)
+    tell(1, facts="distances away from the surface")
+    of_field = field_scores(measures.protocols, shape, field)
+    tell(2, facts="scores")
+    return {name: scores | of_field[name] | references[name] for name, scores in truth.scores(mesh).items()}
 
 
 @large_pieces()
@@ -95,4 +98,4 @@ def measure_again(folder: Path) -> tuple[ResultRow, Scores]:
         with phase("extract", EXTRACTING):
             _, mesh = extract(field, measures, refine=False)
         with phase("measure", MEASURING):
-            return row, measure(measures, shape, mesh, field.normalisation, None)
+            return row, measure(measures, shape, mesh, field, None)

@@ -182,7 +182,7 @@ def _measure(
         if keep_files:
             write_mesh(folder, mesh, shape.unit, shape.up)
     with watch("evaluate", MEASURING):
-        scores = measure(measures, shape, mesh, prepared.normalisation, Path(cfg.paths.outputs, CACHE_DIR))
+        scores = measure(measures, shape, mesh, field, Path(cfg.paths.outputs, CACHE_DIR))
     if keep_files:
         with watch("picture", "preview.png and TensorBoard"):
             primary = scores[cfg.evaluation.primary]

@@ -56,6 +56,13 @@ class ClosestPoint:
         distances[order], faces[order] = np.sqrt(squared), self._whole[closest]
         return distances, faces
 
+    def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """The closest point of the surface itself."""
+        order = spatial_order(points)
+        places = np.zeros((len(points), 3))
+        places[order] = self._tree.squared_distance(*self._pieces, _ordered(points, order))[2]
+        return places
+
 
 class ExactDistance:
     """Signed distance to a mesh, negative inside, in the frame and unit of the mesh's vertices.

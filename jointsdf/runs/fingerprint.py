@@ -55,6 +55,7 @@ def fingerprint_of(settings: Mapping[str, Any], **shape: str) -> dict[str, Any]:
             for key in (later.key, *later.moot):
                 fingerprint = _without(fingerprint, key.split("."))
     for name, protocol in fingerprint["evaluation"]["protocols"].items():
+        fingerprint = _without(fingerprint, ["evaluation", "protocols", name, "field"])
         for metric in protocol["metrics"].keys() - set(METRICS):
             fingerprint = _without(fingerprint, ["evaluation", "protocols", name, "metrics", metric])
     return fingerprint | {"shape": shape}
