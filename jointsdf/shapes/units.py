@@ -1,5 +1,6 @@
 """Length units of files: by their size, and as the user gives them."""
 
+import logging
 import math
 
 from jointsdf.errors import InputError
@@ -11,6 +12,8 @@ METRES = {
 }  # fmt: skip
 AUTO = "auto"  # the file's own unit, else the assumed one
 GIVEN = {**{name: name for name in ("mm", "cm", "m", "um", "in", "ft")}, "inch": "in"}  # what the user may write
+
+logger = logging.getLogger(__name__)
 
 
 def unit_of_metres(metres: float) -> Unit:
@@ -24,7 +27,10 @@ def unit_of_metres(metres: float) -> Unit:
 
 
 def choose_unit(source: str, own: Unit, given: str) -> Unit:
-    """Choose the unit of a file: its own where that is known, else the one that the user gives, else the assumed one.
+    """Choose the unit of a file: the one that the user gives, else its own, else the assumed one.
+
+    A user who contradicts the file is believed, with a warning: many programs write millimetres into glTF files, which
+    are in metres.
 
     Args:
         source: Names the file in messages.
@@ -32,7 +38,7 @@ def choose_unit(source: str, own: Unit, given: str) -> Unit:
         given: A key of `GIVEN`, or `auto`.
 
     Raises:
-        InputError: An unknown name, or one that contradicts the file.
+        InputError: An unknown name.
     """
     if given == AUTO:
         return own
@@ -40,5 +46,5 @@ def choose_unit(source: str, own: Unit, given: str) -> Unit:
         raise InputError(f"unit={given}: give one of {', '.join(GIVEN)}, or {AUTO}")
     unit = Unit(GIVEN[given], METRES[GIVEN[given]])
     if own.known and not math.isclose(own.metres, unit.metres, rel_tol=1e-6):
-        raise InputError(f"{source}: unit={given} contradicts the file, which is in {own.name}: leave unit={AUTO}")
+        logger.warning("%s: unit=%s is taken, although the file says that it is in %s", source, given, own.name)
     return unit

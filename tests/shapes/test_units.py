@@ -34,12 +34,12 @@ def test_a_file_without_a_unit_has_the_one_given(tmp_path: Path, given: str, uni
 
 
 @NEEDS_READER
-def test_a_step_file_has_its_own_which_may_not_be_contradicted(tmp_path: Path) -> None:
+def test_a_step_file_has_its_own_unless_it_is_contradicted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = put(tmp_path, "a.step", step_boxes(ONE, INCH))
     assert load(path).unit == load(path, unit="in").unit == Unit("in", 0.0254)
-    message = r"^[^\n]*a.step: unit=mm contradicts the file, which is in in: leave unit=auto$"
-    with pytest.raises(InputError, match=message):
-        load(path, unit="mm")
+    assert "unit=" not in caplog.text
+    assert load(path, unit="mm").unit == Unit("mm", 1e-3)
+    assert "a.step: unit=mm is taken, although the file says that it is in in" in caplog.text
 
 
 def test_an_unknown_unit_is_one_line() -> None:
