@@ -28,7 +28,7 @@ def wind_partitions(
     direction = np.where(faces < np.roll(faces, -1, axis=1), 1, -1).ravel()
     border = coo_array((direction, (np.repeat(patch, 3), edge))).tocsr()
     border.eliminate_zeros()
-    rows = {index: slice(*border.indptr[index : index + 2]) for index in np.flatnonzero(undecided)}
+    rows = {index: slice(*border.indptr[index : index + 2]) for index in np.flatnonzero(undecided).tolist()}
     single: dict[tuple[bytes, bytes], int] = {}  # by border
     for index, row in rows.items():
         traversed = border.data[row]
