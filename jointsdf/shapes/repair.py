@@ -16,7 +16,7 @@ from jointsdf.shapes.welding import weld
 
 COARSE, SLOW = 10, 2_000_000  # numbers of faces at most and at least that are warned of
 FLAT = 1e-12  # least side of a solid's box, of its longest side
-ENCLOSING = 0.02  # share of the surface that must have inside just beneath it; a tray 5% deep has 20%, sheets have 0
+ENCLOSING = 0.02  # share of the surface that must have inside just beneath it; a tray 2% deep has 11%, sheets have 0
 DEGENERATE = 1e-15  # twice the area of a degenerate face at most, of the longest side squared
 
 logger = logging.getLogger(__name__)

@@ -37,7 +37,9 @@ def test_a_box_in_anothers_box_but_outside_of_it_is_not_nested() -> None:
 
 
 def test_bodies_that_pass_through_each_other_are_not_nested() -> None:
-    assert depths(box((4.0, 4.0, 4.0)), box((1.0, 1.0, 3.9), (1.6, 0, 0)), box(1.0, (-1, 0, 0))) == [0, 0, 1]
+    ball = trimesh.creation.icosphere(4)
+    assert depths(ball, box(1.3)) == [0, 0], "only the corners stick out"
+    assert depths(ball, box(1.1)) == [0, 1]
 
 
 def test_a_body_in_an_open_one_is_nested_in_it() -> None:

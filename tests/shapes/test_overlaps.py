@@ -140,7 +140,7 @@ def test_thin_walls_open_boxes_and_tubes_enclose_something() -> None:
     lid_off.update_faces(lid_off.face_normals[:, 2] < 0.5)
     assert (signed_at_middle := loaded(*joined(lid_off))).watertight is False
     assert len(signed_at_middle.mesh.faces) == 10
-    tray = box((1.0, 1.0, 0.05))
+    tray = box((1.0, 1.0, 0.02))
     tray.update_faces(tray.face_normals[:, 2] < 0.5)
     assert len(loaded(*joined(tray)).mesh.faces) == 10
     tube = trimesh.creation.cylinder(1.0, 4.0)
