@@ -38,11 +38,13 @@ def test_faces_take_the_label_of_the_points_on_them(
 
 
 def test_faces_without_points_near_them_are_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    centres = BOX.triangles_center
-    read_point_labels(put(tmp_path, "a.xyzc", lines(centres[:10], SIDES[:10])), MESH)
-    bare = np.linalg.norm(centres[10:, None] - centres[None, :10], axis=2).min(axis=1) > 0.1 * 4
-    assert bare.any()
-    assert f"{bare.sum()} faces have no point within 0.1 of the longest side" in caplog.text
+    centres, labels = FINE.triangles_center, side_of(FINE.face_normals)
+    kept = np.linalg.norm(centres - centres[40], axis=1) > 0.7  # of a box with longest side 4
+    fine = FileMesh(np.array(FINE.vertices), np.array(FINE.faces))
+    read_point_labels(put(tmp_path, "a.xyzc", lines(centres[kept], labels[kept])), fine)
+    reach = np.linalg.norm(centres[:, None] - centres[kept], axis=2).min(axis=1)
+    assert 0.4 < reach.max() < 0.8
+    assert f"{(reach > 0.4).sum()} faces have no point within 0.1 of the longest side" in caplog.text
 
 
 @pytest.mark.parametrize(
