@@ -49,6 +49,8 @@ def test_names_in_capitals_and_compressed_files(tmp_path: Path) -> None:
 def test_seg_is_one_label_for_each_brep_face(tmp_path: Path) -> None:
     path = put(tmp_path, "a.seg", "5\n4\n3\n2\n1\n0\n")
     assert read_labels(path, MESH, PATCHES).tolist() == (5 - PATCHES).tolist()
+    each = put(tmp_path, "b.seg", "\n".join(map(str, range(12))))
+    assert read_labels(each, MESH, np.arange(12)[::-1]).tolist() == list(range(12))[::-1], "B-rep faces come first"
 
 
 @pytest.mark.parametrize(
