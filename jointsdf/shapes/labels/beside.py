@@ -5,7 +5,7 @@ from pathlib import Path
 from jointsdf.errors import InputError
 from jointsdf.shapes.readers.formats import stem_of
 
-ENDINGS = (".npy", ".txt", ".ply")
+ENDINGS = (".npy", ".npz", ".txt", ".csv", ".seg", ".xyzc", ".ply")
 MARKS = (".labels", "_labels")  # between the mesh's stem and the ending
 OF_FOLDER = "labels.npy"
 
@@ -35,7 +35,7 @@ def possible_label_files(mesh_path: Path) -> list[Path]:
     """Where a mesh's own label file may be.
 
     >>> [path.name for path in possible_label_files(Path("my parts/bracket.v2.stl.gz"))][:3]
-    ['bracket.v2.labels.npy', 'bracket.v2.labels.txt', 'bracket.v2.labels.ply']
+    ['bracket.v2.labels.npy', 'bracket.v2.labels.npz', 'bracket.v2.labels.txt']
     """
     stem = stem_of(mesh_path)
     return [mesh_path.with_name(stem + mark + ending) for mark in MARKS for ending in ENDINGS]
