@@ -51,11 +51,12 @@ def test_two_sheets_at_one_place_stop_no_ray_and_have_no_outer_side() -> None:
     assert vote_on_sides(vertices, faces, patch, np.zeros(len(faces), dtype=bool)).tolist() == [1, 0, 0]
 
 
-def test_a_small_sheet_on_a_large_one_leaves_that_its_outer_side() -> None:
+@pytest.mark.parametrize("first", [True, False])
+def test_a_small_sheet_on_a_large_one_leaves_that_its_outer_side(first: bool) -> None:
     vertices, faces, patch = panels([])
     small = 0.1 * vertices[:4] * (0, 1, 1) + (1, 0, 0)
-    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]), faces + 4])
-    votes = vote_on_sides(
-        np.concatenate([small, vertices]), faces, np.concatenate([[6, 6], patch]), np.zeros(14, dtype=bool)
-    )
+    order = slice(None) if first else np.roll(np.arange(14), 12)
+    faces = np.concatenate([faces[:2] + len(vertices), faces])[order]
+    patch = np.concatenate([[6, 6], patch])[order]
+    votes = vote_on_sides(np.concatenate([vertices, small]), faces, patch, np.zeros(14, dtype=bool))
     assert votes[:6].tolist() == [1] * 6
