@@ -14,13 +14,13 @@ from torch import Tensor, nn
 
 from jointsdf.errors import InputError, first_line
 from jointsdf.model.heads import HEADS
+from jointsdf.model.outside import extend, onto_box, outside_box
 from jointsdf.model.query import (
     ANSWERS,
     Evaluate,
     FieldQuery,
     evaluate_fused,
     evaluate_with_graph,
-    outside_box,
     parse_names,
     parse_points,
     warn_once,
@@ -92,7 +92,8 @@ class JointField(nn.Module):
     def query(self, points: Any, *, what: str | Collection[str] = ANSWERS, differentiable: bool = False) -> FieldQuery:
         """Evaluate the field at points of the file frame, in bounded memory.
 
-        Points outside the training box get extrapolated distances and part -1, with one `OutsideBoxWarning`.
+        Points outside the training box get a lower bound of the distance and part -1, with one `OutsideBoxWarning`: the
+        root of |x - p|^2 + f(p)^2, p the projection of x onto the box, so that minus its gradient leads to the shape.
 
         Args:
             points: A tensor, an array or nested lists of shape (n, 3), or (3,) for one point; file units. Types too
@@ -125,15 +126,17 @@ class JointField(nn.Module):
 
     def _answer(self, points: Float[Tensor, "n 3"], wanted: set[str], evaluate: Evaluate) -> FieldQuery:
         """Answers at points of the network frame, in file units."""
-        values = evaluate(self.trunk, self.head, points, wanted)
+        projected = onto_box(points)
+        values = evaluate(self.trunk, self.head, projected, wanted)
+        sdf, grad = extend(points, projected, values.sdf, values.grad)
         part = None
         if "part" in wanted and values.logits is not None:
             part = self._parts(values.logits).masked_fill(outside_box(points), UNLABELLED)
         return FieldQuery(
-            values.sdf * self.scale.to(values.sdf) if "sdf" in wanted else None,
+            sdf * self.scale.to(sdf) if "sdf" in wanted else None,
             part,
             values.logits if "logits" in wanted else None,
-            values.grad,
+            grad,
         )
 
     def network_sdf(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:

@@ -7,23 +7,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor, nn
 
 from jointsdf.errors import InputError, first_line
 from jointsdf.model.fused.evaluate import evaluate
+from jointsdf.model.outside import outside_box
 from jointsdf.model.trunk import SirenTrunk
 from jointsdf.threads import over_threads, pieces
 from jointsdf.values import BOX, Normalisation
 
 ANSWERS = ("sdf", "part", "logits", "gradient")
 COARSE = 1e-5  # of the shape's size: steps of the points' coordinates from which a warning is given
-ROUNDING = 1e-6  # relative to the box, before a point counts as outside
 
 
 class OutsideBoxWarning(UserWarning):
-    """A field was queried outside the training box, where it extrapolates."""
+    """A field was queried outside the training box, where it answers lower bounds of the distance."""
 
 
 class RoundedPointsWarning(UserWarning):
@@ -136,15 +136,6 @@ def evaluate_with_graph(
     return NetworkValues(sdf, head(features) if wanted & {"part", "logits"} else None, grad)
 
 
-def outside_box(points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
-    """Points of the network frame outside the training box.
-
-    >>> outside_box(torch.tensor([[0.0, 0.0, 1.1], [0.0, 0.0, 1.2]])).tolist()
-    [False, True]
-    """
-    return (points.abs() > BOX * (1 + ROUNDING)).any(dim=1)
-
-
 def warn_once(
     said: set[type[Warning]], given: Float[Tensor, "n 3"], points: Float[Tensor, "n 3"], frame: Normalisation
 ) -> None:
@@ -159,8 +150,7 @@ def warn_once(
     found: dict[type[Warning], str] = {}
     if outside_box(points).any():
         found[OutsideBoxWarning] = (
-            "points outside the training box: the field was not trained there, its distances are extrapolated and its "
-            "parts -1 (said once)"
+            "points outside the training box: their distances are lower bounds, their parts -1 (said once)"
         )
     spacing, size = _spacing(given, float(np.abs(frame.centre).max()) + BOX * frame.scale), 2 * frame.scale
     if spacing > COARSE * size:
