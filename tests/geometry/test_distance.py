@@ -6,7 +6,7 @@ import trimesh
 from analytic import box_distance
 from solids import labelled
 
-from jointsdf.geometry.distance import PIECES, VOTING, ClosestPoint, ExactDistance, split_long_faces, vote_on_signs
+from jointsdf.geometry.distance import AWAY, PIECES, ClosestPoint, ExactDistance, group_by_side, split_long_faces
 from jointsdf.values import LabelledMesh
 
 HALF = np.array([0.7, 0.5, 0.3])
@@ -141,24 +141,24 @@ def test_a_fold_does_not_turn_the_space_that_it_is_nearest_to() -> None:
     points = np.random.default_rng(0).uniform(-2, 2, (20000, 3))
     beyond = np.abs(points).max(axis=1) - 1
     found = exact.signed(points)
-    far = np.abs(found) > VOTING[0] * 2.31  # the longest side
+    far = np.abs(found) > AWAY * 2.31  # the longest side
     np.testing.assert_array_equal(found[far] > 0, beyond[far] > 0)
     nearest_to_the_fold = np.linalg.norm(points - (1.3, 0, 0), axis=1) < np.maximum(beyond, 0)
     assert nearest_to_the_fold.mean() > 0.005
-    assert exact.signed(points[nearest_to_the_fold][:1]) < 0  # alone, a point has nobody to agree with
+    assert (exact.signed(points[nearest_to_the_fold]) > 0).all()  # whoever is asked along with them
     around = np.random.default_rng(1).normal((1.3, 0, 0), 0.02, (20000, 3))
-    outside = np.linalg.norm(around - (1.3, 0, 0), axis=1) > 0.01 + 2 * VOTING[1] * 2.31
+    outside = np.linalg.norm(around - (1.3, 0, 0), axis=1) > 0.01 + 2 * AWAY * 2.31
     close = np.concatenate([points, around[outside]])
     assert (exact.signed(close)[len(points) :] > 0).all()  # the fold is known from afar, and signs agree close to it
 
 
-def test_points_that_nothing_separates_vote_on_their_sign() -> None:
-    line = np.stack([np.linspace(-1, 1, 41), np.zeros(41), np.zeros(41)], axis=1)
-    distances = line[:, 0].copy()  # to the plane x = 0
-    wrong = distances.copy()
-    wrong[[3, 36, 37]] *= -1
-    np.testing.assert_array_equal(vote_on_signs(line, wrong), distances)
-    np.testing.assert_array_equal(vote_on_signs(line[:1], wrong[:1]), wrong[:1])
+def test_points_that_no_surface_separates_are_one_group() -> None:
+    line = np.stack([np.linspace(-1, 1, 40), np.zeros(40), np.zeros(40)], axis=1)
+    deepest, group = group_by_side(line, np.abs(line[:, 0]))  # the surface is the plane x = 0
+    assert sorted(deepest.tolist()) == [0, 39]
+    np.testing.assert_array_equal(group == group[0], line[:, 0] < 0)
+    deepest, group = group_by_side(line[:1], np.ones(1))
+    assert (deepest.tolist(), group.tolist()) == ([0], [0])
 
 
 def test_folded_bodies_that_overlap_are_inside_of_either() -> None:
