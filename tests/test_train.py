@@ -71,14 +71,14 @@ def test_off_a_terminal_it_is_quiet(tmp_path):
     assert lines[:2] == begun[:2] == ["start: torch and lightning", "load: part_01"]
     said = [line for line in lines if line not in begun]
     assert len(said) == 11, lines
-    assert said[0] == "part_01: 2940 faces, 1 component, watertight"
-    assert said[5].startswith("warning: part_01: its thinnest wall (6.72) is under 2 cells of the grid")
+    assert said[0] == "part_01: 2940 faces, 1 component, watertight, unit mm (assumed; unit=in says otherwise)"
+    assert said[5].startswith("warning: part_01: its thinnest wall (6.72 mm) is under 2 cells of the grid")
     assert said[6] == str(tmp_path / "out" / PLACE)
     assert said[7].startswith("machine: ")
     assert said[8].startswith("part_01 siren: cd_l1 ")
     row = json.loads((tmp_path / "out" / PLACE / "result.json").read_text())["scores"]["unit"]
     within = re.match(
-        r"99% of the surface is within (\S+) of the part \(file units; (\S+)% of its longest side\), ", said[9]
+        r"99% of the surface is within (\S+) mm of the part \((\S+)% of its longest side\), ", said[9]
     )
     assert within is not None, said[9]
     assert float(within[2]) == pytest.approx(100 * row["surface_p99"], abs=0.01)

@@ -21,7 +21,7 @@ from mesh_files import BOX, OBJ, OFF, PLY, SIDES, exported
 from mutations import mutate
 from step_files import INCH, NEEDS_READER, TOUCHING, step_boxes
 
-from jointsdf.values import LabelledMesh
+from jointsdf.values import ASSUMED_UNIT, LabelledMesh
 from jointsdf.viewing.export import ply_bytes
 
 MANY = int(os.environ.get("JOINTSDF_FUZZ", "50"))
@@ -49,7 +49,7 @@ def text_gltf() -> bytes:
 
 MESHES: dict[str, Callable[[], bytes]] = {
     "text.ply": lambda: PLY.encode(),
-    "binary.ply": lambda: ply_bytes(LABELLED),
+    "binary.ply": lambda: ply_bytes(LABELLED, ASSUMED_UNIT, "z"),
     "a.obj": lambda: b"o box\nusemtl steel\ng a b\n" + OBJ.encode() + b"v 0 0 9 # tip\nf 1 2 \\\n 4 5\n",
     "binary.stl": lambda: exported("stl"),
     "text.stl": lambda: exported("stl_ascii"),
@@ -66,7 +66,7 @@ LABELS: dict[str, Callable[[], bytes]] = {
     "labels.csv": lambda: b"face,label\n" + b"\n".join(b"%d,%d" % pair for pair in enumerate(SIDES)),
     "labels.json": lambda: json.dumps({str(face): int(side) for face, side in enumerate(SIDES)}).encode(),
     "labels.seg": lambda: b"\n".join(b"%d" % side for side in SIDES),
-    "labels.ply": lambda: ply_bytes(LABELLED),
+    "labels.ply": lambda: ply_bytes(LABELLED, ASSUMED_UNIT, "z"),
 }
 
 

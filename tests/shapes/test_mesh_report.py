@@ -81,7 +81,7 @@ def test_welded_corners_and_cavities_are_counted() -> None:
     shape = from_arrays(np.concatenate([corners, hole.vertices]), faces, labels="none", name="it")
     lines = mesh_report(shape).lines(0.1)
     assert shape.welded == len(corners) - 162
-    assert lines[0] == "it: 400 faces, 2 components (1 a cavity), watertight"
+    assert lines[0] == "it: 400 faces, 2 components (1 a cavity), watertight, unit mm (assumed; unit=in says otherwise)"
     assert lines[1] == f"  repairs       80 faces flipped, 0 dropped, {shape.welded} vertices welded"
 
 

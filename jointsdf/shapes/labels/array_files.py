@@ -42,7 +42,9 @@ def read_archive(path: Path) -> Shaped[ndarray, "..."]:
                 raise InputError(f"labels file {path} holds the arrays {listed}: name one of them {NAMED}")
             name = NAMED if NAMED in names else names[0]
             return _parse_array(f"labels file {path}: its array {name}", archive.read(f"{name}.npy"))
-    except (zipfile.BadZipFile, EOFError, OSError, NotImplementedError, RuntimeError, zlib.error) as error:
+    except InputError:
+        raise
+    except (zipfile.BadZipFile, EOFError, OSError, ValueError, NotImplementedError, RuntimeError, zlib.error) as error:
         found = describe_content(data)
         what = "truncated or damaged" if found.startswith("a zip") else f"{found}, no .npz"
         raise InputError(f"labels file {path} is {what}: save an integer array by numpy.savez") from error
@@ -75,7 +77,7 @@ def _parse_array(source: str, data: bytes) -> Shaped[ndarray, "..."]:
     try:
         array: ndarray = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
         return array
-    except (ValueError, EOFError, MemoryError, SyntaxError, OverflowError) as error:
+    except Exception as error:  # numpy evaluates the header, which may fail in any way
         found = describe_content(data)
         if found == "a .npy array":
             what = "pickled, and no pickle is read" if "pickle" in str(error) else "truncated or damaged"

@@ -191,7 +191,7 @@ def test_a_gzip_bomb_fills_no_memory(tmp_path: Path) -> None:
     assert peak < 1 << 27  # the bytes that it holds
 
 
-@pytest.mark.parametrize("path", ["jointsdf/shapes/loading.py", "jointsdf/api.py", "docs/shapes_and_labels.md"])
+@pytest.mark.parametrize("path", ["jointsdf/shapes/loading.py", "jointsdf/api.py", "docs/files.md"])
 def test_every_format_is_in_the_documentation(path: str) -> None:
     text = (ROOT / path).read_text(encoding="utf-8")
     assert [name for name in (*FORMATS, "gz") if name not in text.replace("/", " ")] == []

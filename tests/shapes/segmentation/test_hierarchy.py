@@ -17,7 +17,6 @@ from jointsdf.geometry.topology import components
 from jointsdf.shapes import load
 from jointsdf.shapes.builtin import BUILTINS, part_names
 from jointsdf.shapes.builtin.construction import Construction, box, rod
-from jointsdf.shapes.labels.files import read_labels
 from jointsdf.shapes.segmentation.hierarchy import Hierarchy, build_hierarchy
 from jointsdf.shapes.segmentation.merging import SMALLEST
 from jointsdf.values import LabelledMesh
@@ -231,7 +230,7 @@ def real(name: str) -> tuple[LabelledMesh, Hierarchy]:
     root = Path(os.environ["JOINTSDF_ABC"])
     mesh = load(name, abc_root=root, labels="none", segmented=False).mesh
     patches = root / name / "patches.npy"
-    return mesh, build_hierarchy(mesh, read_labels(patches, len(mesh.faces)) if patches.is_file() else None)
+    return mesh, build_hierarchy(mesh, np.load(patches) if patches.is_file() else None)
 
 
 def test_flange_and_shaft_come_apart() -> None:
