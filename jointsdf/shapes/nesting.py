@@ -5,18 +5,23 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.spatial import KDTree
 
+from jointsdf.geometry.distance import ClosestPoint
 from jointsdf.geometry.winding import WindingNumber
 from jointsdf.shapes.overlaps import find_piercings
+from jointsdf.values import LabelledMesh
 
 POINTS = 8  # of a body that are asked whether they are inside another one
 BENEATH = 1e-3  # depth of these under their face, of the root of twice its area
 SLACK = 1e-6  # by which a body may stick out of the box of another one that it is in, of the longest side
+SAME = 0.999  # share of another body's volume from which one may be that body once more, in other triangles
 
 
 def nesting_depth(
     vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], body: Int[ndarray, " f"], volumes: Float[ndarray, " b"]
 ) -> Int[ndarray, " b"]:
     """Number of other bodies that each body lies in, wholly: those that pass through each other are not nested.
+
+    Nor is a body that is there twice, in other triangles.
 
     Args:
         vertices: Positions.
@@ -30,6 +35,7 @@ def nesting_depth(
     inner, outer = _within_boxes(vertices, faces, bodies, volumes)
     if len(inner):
         apart = ~_cross(vertices, faces, body, inner, outer, len(bodies))
+        apart &= ~_coincide(vertices, faces, bodies, volumes, inner, outer)
         inner, outer = inner[apart], outer[apart]
     order = np.argsort(outer, kind="stable")
     for group in np.split(order, np.flatnonzero(np.diff(outer[order])) + 1) if len(order) else []:
@@ -72,11 +78,30 @@ def _cross(
     return np.isin(inner * count + outer, crossing)
 
 
+def _coincide(
+    vertices: ndarray, faces: ndarray, bodies: list[ndarray], volumes: ndarray, inner: ndarray, outer: ndarray
+) -> Bool[ndarray, " p"]:
+    """Whether the bodies of each pair have equal volumes, and some faces of the one their middles on the other one."""
+    slack = SLACK * np.ptp(vertices, axis=0).max()
+    same = volumes[inner] >= SAME * volumes[outer]
+    for pair in np.flatnonzero(same):
+        middles = vertices[faces[_choose(bodies[inner[pair]])]].mean(axis=1)
+        held = faces[bodies[outer[pair]]]
+        surface = ClosestPoint(LabelledMesh(vertices, held, np.zeros(len(held), dtype=np.int64)))
+        same[pair] = surface.query(middles)[0].max() <= slack
+    return same
+
+
+def _choose(members: Int[ndarray, " f"]) -> Int[ndarray, " n"]:
+    """Choose a few of a body's faces, evenly in their order."""
+    return members[np.linspace(0, len(members) - 1, POINTS).astype(int)]
+
+
 def _are_inside(
     winding: WindingNumber, vertices: ndarray, faces: ndarray, bodies: list[ndarray]
 ) -> Bool[ndarray, " b"]:
     """Whether most points just beneath some faces of each body are inside another one."""
-    chosen = np.concatenate([members[np.linspace(0, len(members) - 1, POINTS).astype(int)] for members in bodies])
+    chosen = np.concatenate([_choose(members) for members in bodies])
     a, b, c = vertices[faces[chosen].T]
     normals = np.cross(b - a, c - a)
     beneath = (a + b + c) / 3 - BENEATH * normals / np.sqrt(np.linalg.norm(normals, axis=1, keepdims=True))

@@ -42,6 +42,12 @@ def test_bodies_that_pass_through_each_other_are_not_nested() -> None:
     assert depths(ball, box(1.1)) == [0, 1]
 
 
+def test_a_body_that_is_there_twice_is_no_cavity_of_itself() -> None:
+    assert depths(box(1.0), box(1.0).subdivide()) == [0, 0]
+    assert depths(box(2.0), box(1.0), box(1.0).subdivide()) == [0, 1, 1]
+    assert depths(box(1.0), box(0.9999)) == [0, 1], "a thin wall"
+
+
 def test_a_body_in_an_open_one_is_nested_in_it() -> None:
     lid_off = trimesh.creation.icosphere(3)
     lid_off.update_faces(np.arange(len(lid_off.faces)) > 5)

@@ -43,13 +43,15 @@ def read_content(path: Path) -> Content:
     """Read a file, after checking that it is a non-empty file of a format that is read, by its name and its content.
 
     Raises:
-        InputError: The file is missing, a folder, empty or unreadable, is or holds another format than its name says,
-            or is compressed and truncated, damaged, or too large.
+        InputError: The file is missing, a folder, a pipe, empty or unreadable, is or holds another format than its name
+            says, or is compressed and truncated, damaged, or too large.
     """
     if not path.exists():
         raise InputError(f"file not found: {path}")
     if path.is_dir():
         raise InputError(f"{path} is a folder: give the mesh file in it")
+    if not path.is_file():
+        raise InputError(f"{path} is a pipe or device, which may never end: give a file")
     try:
         stored = path.read_bytes()
     except OSError as error:
@@ -64,6 +66,8 @@ def read_content(path: Path) -> Content:
 def _check_format(path: Path, data: bytes) -> None:
     """Refuse a file that is not read, or whose content is of another format than its name says."""
     said, held = format_of(path), recognise(data)
+    if (said, held) == ("obj", "utf16"):  # whose reader decodes it
+        return
     if held in READ.values() and held != said:
         what = f"not {said.upper()} as its name says" if said else "which its name does not say"
         raise InputError(f"{path} holds {held.upper()}, {what}: rename it to {_renamed(path, held)}")

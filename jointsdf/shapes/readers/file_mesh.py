@@ -10,6 +10,7 @@ from numpy import ndarray
 from jointsdf.errors import InputError
 from jointsdf.values import Unit
 
+LARGEST = 1e30  # coordinate: areas and volumes of larger ones overflow
 OWN_LABELS = "label"  # column of the part ids that the file itself gives; `labels=auto` takes it
 
 
@@ -69,7 +70,7 @@ def number_names(names: Shaped[ndarray, " f"]) -> Int[ndarray, " f"]:
 
 
 def check_mesh(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> None:
-    """Refuse a mesh without faces, with a coordinate that is not finite, or with a vertex index out of range.
+    """Refuse a mesh without faces, with a coordinate that is not finite or absurd, or with a vertex index out of range.
 
     Args:
         source: Names the mesh in messages.
@@ -84,5 +85,7 @@ def check_mesh(source: str, vertices: Float[ndarray, "v 3"], faces: Int[ndarray,
     if not np.isfinite(vertices).all():
         bad = int((~np.isfinite(vertices).all(axis=1)).sum())
         raise InputError(f"{source} has NaN or infinite coordinates in {bad} vertices: repair or export it again")
+    if (largest := np.abs(vertices).max(initial=0)) > LARGEST:
+        raise InputError(f"{source} has a coordinate of {largest:.3g}, beyond {LARGEST:g}: repair or export it again")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise InputError(f"{source} has a face that uses a vertex out of range 0..{len(vertices) - 1}: export it again")

@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from jointsdf.shapes.readers.file_mesh import LARGEST
+
 COARSE = 1e-5  # spacing of coordinates that is warned of, of the longest side
 
 logger = logging.getLogger(__name__)
@@ -16,12 +18,14 @@ def warn_of_rounding(source: str, vertices: Float[ndarray, "v 3"]) -> None:
 
     Args:
         source: Names the mesh in messages.
-        vertices: Positions. Those that no 32-bit float holds, as after a change of place, are not warned of.
+        vertices: Positions. Those that no 32-bit float holds, as after a change of place, are not warned of;
+            nor are those that are refused for their size.
     """
     vertices = vertices[np.isfinite(vertices).all(axis=1)]
-    if len(vertices) == 0 or not np.array_equal(vertices.astype(np.float32), vertices):
+    largest = np.abs(vertices).max(initial=0)
+    if len(vertices) == 0 or largest > LARGEST or not np.array_equal(vertices.astype(np.float32), vertices):
         return
-    spacing = float(np.spacing(np.float32(np.abs(vertices).max())))
+    spacing = float(np.spacing(np.float32(largest)))
     size = float(np.ptp(vertices, axis=0).max())
     if size > 0 and spacing > COARSE * size:
         logger.warning(

@@ -89,7 +89,8 @@ def read_step(path: Path, data: bytes, tessellation: Tessellation = DEFAULT) -> 
         InputError: The content is no STEP file, truncated, damaged, without a surface, in a unit of unknown size, or
             takes too much time or memory; or cascadio, which reads STEP, is not installed.
     """
-    if not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"ISO-10303-21"):
+    data = data.removeprefix(b"\xef\xbb\xbf")  # the mark of UTF-8, which the kernel does not know
+    if not data.lstrip(b" \t\r\n").startswith(b"ISO-10303-21"):
         raise InputError(f"{path} is no STEP file: it does not begin with ISO-10303-21; export it again")
     if b"END-ISO-10303-21" not in data:
         raise InputError(f"{path} is truncated: END-ISO-10303-21 is missing; export it again")

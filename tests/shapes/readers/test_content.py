@@ -3,6 +3,7 @@
 import gzip
 import hashlib
 import io
+import os
 import tracemalloc
 import zipfile
 import zlib
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mesh_files import OBJ, OFF, PLY, exported, put
+from mesh_files import OBJ, OFF, PLY, exported, load, put
 from step_files import ONE, step_boxes
 
 from jointsdf.errors import InputError
@@ -115,6 +116,17 @@ def test_a_binary_stl_is_one_whatever_its_header_says(tmp_path: Path) -> None:
 def test_content_that_is_not_read_is_named_whatever_the_file_is_called(tmp_path: Path, key: str) -> None:
     for name in ("a.stl", "a.ply", "a.step"):
         assert f"is {UNREAD[key].name}: {UNREAD[key].fix}" in refusal(put(tmp_path, name, content(key)))
+
+
+def test_a_pipe_is_refused_rather_than_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.stl")
+    assert "is a pipe or device" in refusal(tmp_path / "a.stl")
+
+
+def test_utf_16_is_left_to_the_reader_of_obj(tmp_path: Path) -> None:
+    for name, data in (("a.obj", OBJ.encode("utf-16")), ("a.obj.gz", gzip.compress(OBJ.encode("utf-16")))):
+        assert read_content(put(tmp_path, name, data)).format == "obj"
+        assert len(load(tmp_path / name).mesh.faces) == 4
 
 
 @pytest.mark.parametrize("suffix", sorted(UNREAD.keys() | ALIASES.keys() - {"gz"}))

@@ -51,6 +51,7 @@ BAD_MESHES: dict[str, tuple[str, bytes | str, str]] = {
     "nan in obj": ("a.obj", OBJ.replace("v 0 0 1", "v 0 0 NaN"), "NaN or infinite"),
     "nan in an unused vertex": ("a.obj", OBJ + "v nan 0 0\n", "NaN or infinite"),
     "inf in obj": ("a.obj", OBJ.replace("v 0 0 1", "v 0 0 -Inf"), "NaN or infinite"),
+    "absurd number": ("a.obj", OBJ.replace("v 0 0 1", "v 0 0 -1e200"), "has a coordinate of 1e+200, beyond 1e+30"),
     "nan in off": ("a.off", OFF.replace("0 0 1\n", "0 0 nan\n"), "NaN or infinite"),
     "nan in stl": ("a.stl", nan_stl(), "NaN or infinite"),
     "ply index too large": ("a.ply", PLY.replace("3 1 2 3", "3 1 2 9"), "out of range 0..3"),

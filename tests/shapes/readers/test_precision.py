@@ -19,6 +19,8 @@ CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0
         (CUBE + 200.1, None),  # of more digits than 32 bits hold
         (CUBE * 0 + 1e6, None),
         (CUBE + np.array([np.nan, 0, 0]), None),
+        (CUBE * float(np.finfo(np.float32).max), None),
+        (CUBE * 1e300, None),
         (np.zeros((0, 3)), None),
     ],
 )

@@ -64,6 +64,12 @@ def test_a_painted_side_keeps_its_place_and_its_id() -> None:
 
 
 @NEEDS_READER
+def test_a_byte_order_mark_before_the_file_is_left_out() -> None:
+    mesh = step.read_step(Path("x.step"), b"\xef\xbb\xbf" + step_boxes(ONE).encode())
+    assert np.ptp(mesh.vertices, axis=0) == pytest.approx([1, 2, 3], rel=1e-6)
+
+
+@NEEDS_READER
 def test_columns_name_face_body_and_colour() -> None:
     one, two, coloured = (
         step.read_step(Path("x.step"), step_boxes(boxes, painted=side).encode()).file_mesh
