@@ -77,9 +77,7 @@ def test_off_a_terminal_it_is_quiet(tmp_path):
     assert said[7].startswith("machine: ")
     assert said[8].startswith("part_01 siren: cd_l1 ")
     row = json.loads((tmp_path / "out" / PLACE / "result.json").read_text())["scores"]["unit"]
-    within = re.match(
-        r"99% of the surface is within (\S+) mm of the part \((\S+)% of its longest side\), ", said[9]
-    )
+    within = re.match(r"99% of the surface is within (\S+) mm of the part \((\S+)% of its longest side\), ", said[9])
     assert within is not None, said[9]
     assert float(within[2]) == pytest.approx(100 * row["surface_p99"], abs=0.01)
     assert float(within[1]) == pytest.approx(row["surface_p99"] * SIDE, rel=0.05)

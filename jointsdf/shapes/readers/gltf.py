@@ -50,6 +50,7 @@ def read_gltf(path: Path, data: bytes) -> FileMesh:
         file = open_container(path, data)
         _refuse_extensions(str(path), file)
         placements, frame = place_meshes(file)
+        placements = _leave_out_flattened(str(path), placements)
         pieces = _collect_pieces(str(path), file, placements)
     except InputError:
         raise
@@ -69,6 +70,15 @@ def _refuse_extensions(source: str, file: Container) -> None:
     for name in map(str, required):
         if name not in UNDERSTOOD and not OF_LOOKS.fullmatch(name):
             raise refusal(source, name)
+
+
+def _leave_out_flattened(source: str, placements: list[Placement]) -> list[Placement]:
+    """Leave out what a scale of 0 flattens, as exporters write it to hide a mesh."""
+    kept = [each for each in placements if np.linalg.matrix_rank(each.world[:3, :3]) == 3]
+    if len(kept) < len(placements):
+        count = len(placements) - len(kept)
+        logger.warning("%s: %d nodes that flatten their mesh by a scale of 0 are left out", source, count)
+    return kept
 
 
 def _collect_pieces(source: str, file: Container, placements: list[Placement]) -> list[Piece]:

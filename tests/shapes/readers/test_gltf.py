@@ -85,6 +85,12 @@ def test_nested_nodes_mirrored_and_scaled() -> None:
     assert signed_volume(mesh.vertices, mesh.faces) == pytest.approx(24_000)
 
 
+def test_what_a_scale_of_zero_flattens_is_left_out(caplog: pytest.LogCaptureFixture) -> None:
+    mesh = read(placed({}, {"scale": [0, 1, 1]}, {"scale": [0, 0, 0]}))
+    assert (len(mesh.faces), signed_volume(mesh.vertices, mesh.faces)) == (12, pytest.approx(24))
+    assert "2 nodes that flatten their mesh by a scale of 0 are left out" in caplog.text
+
+
 def test_order_is_by_mesh_then_primitive_then_node() -> None:
     file = GltfFile()
     for shift in (0, 100):
