@@ -6,11 +6,12 @@ divided by its largest absolute coordinate; *unit* is the evaluation box, longes
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.spatial import KDTree
@@ -170,6 +171,8 @@ class Samples(NamedTuple):
         angles: Rotation of each shell point's tangent frame about its normal, radians.
         pool: Points of known signed distance.
         pool_distances: Signed distance of the pool points, negative inside.
+        far: Points of the pool with known gradient of the distance.
+        far_gradients: That gradient, of unit length.
     """
 
     manifold: Float[Tensor, "m 3"]
@@ -180,6 +183,8 @@ class Samples(NamedTuple):
     angles: Float[Tensor, " s"]
     pool: Float[Tensor, "p 3"]
     pool_distances: Float[Tensor, " p"]
+    far: Float[Tensor, "q 3"]
+    far_gradients: Float[Tensor, "q 3"]
 
 
 @dataclass(frozen=True)
@@ -208,9 +213,11 @@ class Step:
         labels: Class index of each manifold point, -1 where unlabelled.
         normals: Unit normal of the surface at each manifold point, 0 where unknown.
         pool_distances: Known signed distance at the pool points, network length units.
+        far_gradients: Known gradient of the distance at the far points.
     """
 
     fields: Mapping[str, FieldValues]
     labels: Int[Tensor, " m"]
     normals: Float[Tensor, "m 3"]
     pool_distances: Float[Tensor, " p"]
+    far_gradients: Float[Tensor, "q 3"] = field(default_factory=lambda: torch.zeros(0, 3))

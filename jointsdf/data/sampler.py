@@ -26,6 +26,7 @@ class Counts:
         non_manifold: Uniform in the box.
         shell: Near the surface.
         pool: With known signed distance.
+        far: Away from the surface, with known gradient of the distance.
         balanced: Share of the manifold points drawn equally from every part.
         regions: Share of them drawn from the points spread over the smooth regions, where the cloud has such points.
         borders: Share of them drawn near part borders, where the cloud has such points; the rest is uniform.
@@ -37,6 +38,7 @@ class Counts:
     non_manifold: int
     shell: int
     pool: int
+    far: int = 0
     balanced: float = 0.0
     regions: float = 0.0
     borders: float = 0.0
@@ -50,6 +52,7 @@ class Counts:
         """
         for name in ("manifold", "non_manifold", "shell", "pool"):
             require_integer(f"data.counts.{name}", getattr(self, name), 1)
+        require_integer("data.counts.far", self.far, 0)
         shares = {name: getattr(self, name) for name in ("balanced", "regions", "borders")}
         for name, share in shares.items():
             require_number(f"data.counts.{name}", share, 0, 1)
@@ -66,6 +69,7 @@ class Sampler:
         cloud: The training cloud.
         pool: Points with known signed distances, network frame; may be empty.
         pool_distances: Those distances, network length units.
+        pool_gradients: Their gradients, of unit length; 0 where they are not known.
         counts: Points per step.
         seed: Of the run.
     """
@@ -77,8 +81,11 @@ class Sampler:
         pool_distances: Float[ndarray, " p"],
         counts: Counts,
         seed: int,
+        pool_gradients: Float[ndarray, "p 3"] | None = None,
     ) -> None:
         self.cloud, self.pool, self.pool_distances = cloud, pool, pool_distances
+        self.pool_gradients = np.zeros_like(pool) if pool_gradients is None else pool_gradients
+        self.far = np.flatnonzero(self.pool_gradients.any(axis=1))
         self.counts, self.seed = counts, seed
         neighbours = min(SHELL_NEIGHBOUR, cloud.uniform - 1)
         uniform = cloud.points[: cloud.uniform]
@@ -102,15 +109,20 @@ class Sampler:
             offsets = generator.uniform(-counts.shell_offset, counts.shell_offset, (counts.shell, 1))
             shell = shell + offsets * cloud.normals[around]
         known = generator.integers(len(self.pool), size=counts.pool) if len(self.pool) else np.arange(0)
+        anywhere = generator.uniform(-BOX, BOX, (counts.non_manifold, 3))
+        angles = generator.uniform(0, 2 * np.pi, counts.shell)
+        far = self.far[generator.integers(len(self.far), size=counts.far)] if len(self.far) else self.far
         return Samples(
             manifold=_to_float32(cloud.points[manifold]),
             labels=torch.from_numpy(cloud.labels[manifold]),
             normals=_to_float32(cloud.normals[manifold]),
-            non_manifold=_to_float32(generator.uniform(-BOX, BOX, (counts.non_manifold, 3))),
+            non_manifold=_to_float32(anywhere),
             shell=_to_float32(shell),
-            angles=_to_float32(generator.uniform(0, 2 * np.pi, counts.shell)),
+            angles=_to_float32(angles),
             pool=_to_float32(self.pool[known]),
             pool_distances=_to_float32(self.pool_distances[known]),
+            far=_to_float32(self.pool[far]),
+            far_gradients=_to_float32(self.pool_gradients[far]),
         )
 
     def _draw_manifold(self, generator: Generator) -> Int[ndarray, " m"]:

@@ -82,9 +82,14 @@ def prepare_samples(shape: Shape, cloud: Cloud, counts: Counts, settings: Sample
     """
     pool = draw_pool(cloud, count=settings.pool_size, near_share=settings.pool_near, seed=seed)
     if settings.distances == "mesh":
-        known = network_distance(shape, cloud.normalisation).signed(pool)
-    else:
-        cloud, pool, known = estimate_from_cloud(cloud, pool)
+        exact = network_distance(shape, cloud.normalisation)
+        known = exact.signed(pool)
+        gradients = np.zeros_like(pool)
+        if counts.far:
+            anywhere = slice(round(len(pool) * settings.pool_near), None)
+            gradients[anywhere] = exact.gradients(pool[anywhere], known[anywhere])
+        return Sampler(cloud, pool, known, counts, seed, gradients)
+    cloud, pool, known = estimate_from_cloud(cloud, pool)
     return Sampler(cloud, pool, known, counts, seed)
 
 

@@ -19,6 +19,7 @@ from jointsdf.geometry.topology import components
 from jointsdf.geometry.winding import WindingNumber
 from jointsdf.values import LabelledMesh, Normalisation, Shape
 
+ON_SURFACE = 1e-7  # distance below which the closest point tells no direction, of the longest side
 AWAY = 0.001  # distance from which winding numbers decide the sign, of the longest side
 NEIGHBOURS = 6  # of a point, itself included, that may be on its side of the surface
 PIECES = 100_000  # faces of the search tree at most, unless the mesh itself has more
@@ -39,7 +40,8 @@ class ClosestPoint:
         assert not mesh.is_empty, "no distance to an empty mesh"
         self.vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
         self.faces = np.ascontiguousarray(mesh.faces, dtype=np.int64)
-        longest = LONG * float(np.ptp(self.vertices, axis=0).max())
+        self.size = float(np.ptp(self.vertices, axis=0).max())
+        longest = LONG * self.size
         self._pieces, self._whole = (self.vertices, self.faces), np.arange(len(self.faces))
         if igl.edge_lengths(self.vertices, self.faces).max() > longest:
             corners, self._whole = split_long_faces(self.vertices[self.faces], longest)
@@ -89,6 +91,18 @@ class ExactDistance:
         distances, _ = self.closest.query(points)
         return np.where(self._winding_number.encloses(_ordered(points, slice(None))), -1.0, 1.0) * distances
 
+    def gradients(self, points: Float[ndarray, "n 3"], distances: Float[ndarray, " n"]) -> Float[ndarray, "n 3"]:
+        """Unit gradient of the distance: away from the closest point of the surface, or towards it inside; 0 on it.
+
+        Args:
+            points: In the frame of the mesh's vertices.
+            distances: Of the points, signed.
+        """
+        away = points - self.closest.nearest(points)
+        lengths = np.linalg.norm(away, axis=1, keepdims=True)
+        directions = np.divide(away, lengths, out=np.zeros_like(away), where=lengths > ON_SURFACE * self.closest.size)
+        return directions * np.sign(distances)[:, None]
+
     def closest_face(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
         """Index of the face that holds the closest point of the surface.
 
@@ -104,7 +118,7 @@ class ExactDistance:
         if len(points):
             asked = _ordered(points, order)
             distances[order] = igl.signed_distance(asked, self.closest.vertices, self.closest.faces, sign)[0]
-        far = np.flatnonzero(np.abs(distances) > AWAY * np.ptp(self.closest.vertices, axis=0).max())
+        far = np.flatnonzero(np.abs(distances) > AWAY * self.closest.size)
         if len(far):
             deepest, group = group_by_side(points[far], np.abs(distances[far]))
             inside = self._winding_number.encloses(points[far[deepest]])

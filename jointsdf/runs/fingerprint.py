@@ -32,6 +32,7 @@ class LaterKey(NamedTuple):
 
 LATER_KEYS = (
     LaterKey("optimizer.iterations", "five"),
+    LaterKey("data.counts.far", 0),
     LaterKey("data.region_points", 0, moot=("data.counts.regions",)),  # without such points their share is of nothing
 )
 

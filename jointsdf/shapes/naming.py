@@ -6,7 +6,7 @@ from pathlib import Path
 
 from jointsdf.shapes import abc, builtin
 from jointsdf.shapes.readers.formats import stem_of
-from jointsdf.shapes.readers.gltf_container import content_sha256
+from jointsdf.shapes.readers.mesh_file import content_sha256
 from jointsdf.user_paths import expand_home
 
 FALLBACK = "part_01"  # in place of an ABC mesh that is not on this machine

@@ -88,7 +88,7 @@ class JointSDFModule(LightningModule):
         fields = {
             name: self._evaluate_set(getattr(samples, name), samples.angles, wanted) for name, wanted in needs.items()
         }
-        return Step(fields, samples.labels, samples.normals, samples.pool_distances)
+        return Step(fields, samples.labels, samples.normals, samples.pool_distances, samples.far_gradients)
 
     def _evaluate_set(
         self, points: Float[Tensor, "n 3"], angles: Float[Tensor, " s"], wanted: frozenset[str | Mixed]

@@ -9,15 +9,17 @@ import torch
 from clouds import COUNTS, in_file_units, same_samples, sampler_of
 from scipy.stats import kstest
 
-from jointsdf.data.point_cloud import Cloud
+from jointsdf.data.point_cloud import Cloud, draw_pool
 from jointsdf.data.sampler import SHELL_NEIGHBOUR, Sampler
+from jointsdf.data.samples import SampleSettings, draw_cloud, prepare_samples
 from jointsdf.errors import InputError
+from jointsdf.geometry.distance import network_distance
 from jointsdf.values import BOX, LabelledMesh, Shape
 
 
 def test_counts_and_types_of_a_step(box_shape: Shape) -> None:
     samples = sampler_of(box_shape, COUNTS).draw(0)
-    sizes = (300, 300, 300, 200, 250, 250, 150, 150)
+    sizes = (300, 300, 300, 200, 250, 250, 150, 150, 0, 0)
     assert tuple(len(tensor) for tensor in samples) == sizes
     assert samples.labels.dtype == torch.int64
     assert {tensor.dtype for name, tensor in samples._asdict().items() if name != "labels"} == {torch.float32}
@@ -45,7 +47,7 @@ def test_steps_and_seeds_differ_and_repeat(box_shape: Shape) -> None:
     other = Sampler(sampler.cloud, sampler.pool, sampler.pool_distances, COUNTS, seed=1)
     assert same_samples(sampler.draw(4), again.draw(4))
     for one, two in ((sampler.draw(4), sampler.draw(5)), (sampler.draw(4), other.draw(4))):
-        assert not any(torch.equal(x, y) for x, y in zip(one, two, strict=True))
+        assert not any(torch.equal(x, y) for x, y in zip(one, two, strict=True) if len(x))
 
 
 def test_shell_widths_are_the_distances_to_the_51st_neighbour(box_shape: Shape) -> None:
@@ -130,3 +132,29 @@ def test_impossible_counts_are_input_errors(wrong: dict[str, float]) -> None:
     ((name, value),) = wrong.items()
     with pytest.raises(InputError, match=f"data.counts.{name}={value}: give a"):
         replace(COUNTS, **wrong)
+
+
+def test_far_points_have_the_gradient_of_the_distance_and_change_no_other_draw(box_shape: Shape) -> None:
+    settings = SampleSettings(cloud_size=400, pool_size=3000, pool_near=0.6)
+    cloud = draw_cloud(box_shape, settings, seed=0)
+    plain, far = (
+        prepare_samples(box_shape, cloud, replace(COUNTS, far=count), settings, 0).draw(3) for count in (0, 500)
+    )
+    assert same_samples(plain, far._replace(far=plain.far, far_gradients=plain.far_gradients))
+    assert len(plain.far) == 0
+    assert len(far.far) == 500
+    points = far.far.double().numpy()
+    exact = network_distance(box_shape, cloud.normalisation)
+    step = 1e-6
+    slopes = [
+        (exact.signed(points + step * axis) - exact.signed(points - step * axis)) / (2 * step) for axis in np.eye(3)
+    ]
+    right = np.linalg.norm(np.stack(slopes, axis=1) - far.far_gradients.double().numpy(), axis=1) < 1e-3
+    assert right.mean() > 0.98  # all but points that two faces are equally close to
+    pool = {tuple(point) for point in np.float32(draw_pool(cloud, count=3000, near_share=0.6, seed=0)[1800:]).tolist()}
+    assert {tuple(point) for point in far.far.tolist()} <= pool
+
+
+def test_a_negative_count_of_far_points_is_refused() -> None:
+    with pytest.raises(InputError, match=r"data\.counts\.far"):
+        replace(COUNTS, far=-1)

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from jointsdf.losses.dirichlet import Dirichlet
 from jointsdf.losses.eikonal import Eikonal
+from jointsdf.losses.far_distance import FarDistance
 from jointsdf.losses.near_distance import NearDistance
 from jointsdf.losses.normals import Normals
 from jointsdf.losses.signed_distance import SignedDistance
@@ -21,6 +22,7 @@ from jointsdf.values import Step
         Dirichlet(),
         SignedDistance(),
         NearDistance(),
+        FarDistance(),
         Normals(),
         Eikonal("abs", ["manifold", "shell"]),
         Eikonal("squared", ["manifold", "non_manifold", "shell"]),

@@ -35,7 +35,12 @@ def settings() -> dict[str, Any]:
         "seed": 0,
         "study": "fast",
         "tessellation": {"tolerance": 0.01},
-        "data": {"cloud_size": 100, "region_points": 50, "workers": 4, "counts": {"manifold": 10, "regions": 0.5}},
+        "data": {
+            "cloud_size": 100,
+            "region_points": 50,
+            "workers": 4,
+            "counts": {"manifold": 10, "regions": 0.5, "far": 3},
+        },
         "trunk": {"width": 16},
         "head": {"name": "siren"},
         "loss": {"weights": {"eikonal": 1.0}},
@@ -49,7 +54,11 @@ def settings() -> dict[str, Any]:
 def test_machine_and_names_of_the_run_are_no_part_of_it(settings: dict[str, Any]) -> None:
     found = fingerprint_of(settings, name="part_01")
     assert found["trainer"] == {"max_steps": 8}
-    assert found["data"] == {"cloud_size": 100, "region_points": 50, "counts": {"manifold": 10, "regions": 0.5}}
+    assert found["data"] == {
+        "cloud_size": 100,
+        "region_points": 50,
+        "counts": {"manifold": 10, "regions": 0.5, "far": 3},
+    }
     assert found["shape"] == {"name": "part_01"}
     assert "study" not in found
     kept = ("seed", "tessellation", "trunk", "head", "loss", "optimizer", "extraction", "evaluation")

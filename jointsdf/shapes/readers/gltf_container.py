@@ -7,14 +7,11 @@ import base64
 import hashlib
 import json
 import struct
-from contextlib import suppress
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import NamedTuple
 from urllib.parse import unquote, unquote_to_bytes
 
 from jointsdf.errors import InputError
-from jointsdf.shapes.readers.content import unpack
-from jointsdf.shapes.readers.formats import format_of
 from jointsdf.shapes.readers.gltf_json import Json, entries, integer, nested
 
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", b"JSON", b"BIN\0"
@@ -66,20 +63,6 @@ def open_container(path: Path, data: bytes) -> Container:
     ]
     beside = any(not str(buffer.get("uri", "data:")).startswith("data:") for buffer in entries(document, "buffers"))
     return Container(document, buffers, hashlib.sha256(data + b"".join(buffers)).hexdigest() if beside else "")
-
-
-def content_sha256(path: Path, stored: bytes) -> str:
-    """Hash a shape's file, and of a `.gltf` the files beside it that belong to it.
-
-    Args:
-        path: The file, of any format.
-        stored: Its bytes.
-    """
-    found = ""
-    if format_of(path) == "gltf":
-        with suppress(InputError, ValueError):  # reported by whoever reads it
-            found = open_container(path, unpack(path, stored)).sha256
-    return found or hashlib.sha256(stored).hexdigest()
 
 
 def _split_chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:

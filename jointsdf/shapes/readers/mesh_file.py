@@ -1,13 +1,17 @@
 """Reader of mesh files of every format, as triangles in the file's order, which reports any damage."""
 
+import hashlib
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 from jointsdf.errors import InputError
-from jointsdf.shapes.readers.content import Content, read_content
+from jointsdf.shapes.readers.content import Content, read_content, unpack
 from jointsdf.shapes.readers.file_mesh import FileMesh, check_mesh
+from jointsdf.shapes.readers.formats import format_of
 from jointsdf.shapes.readers.gltf import read_gltf
+from jointsdf.shapes.readers.gltf_container import open_container
 from jointsdf.shapes.readers.obj import read_obj
 from jointsdf.shapes.readers.off import read_off
 from jointsdf.shapes.readers.ply import read_ply
@@ -39,6 +43,20 @@ def read_mesh(path: Path) -> FileMesh:
     if content.format not in READERS:
         raise InputError(f"{path} is no mesh but a {content.format.upper()} file: give one of {', '.join(READERS)}")
     return parse_mesh(path, content)
+
+
+def content_sha256(path: Path, stored: bytes) -> str:
+    """Hash a shape's file, and of a `.gltf` the files beside it that belong to it.
+
+    Args:
+        path: The file, of any format.
+        stored: Its bytes.
+    """
+    found = ""
+    if format_of(path) == "gltf":
+        with suppress(InputError, ValueError):  # reported by whoever reads it
+            found = open_container(path, unpack(path, stored)).sha256
+    return found or hashlib.sha256(stored).hexdigest()
 
 
 def parse_mesh(path: Path, content: Content) -> FileMesh:

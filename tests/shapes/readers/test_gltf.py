@@ -14,8 +14,7 @@ from jointsdf.errors import InputError
 from jointsdf.geometry.topology import signed_volume
 from jointsdf.shapes.readers.file_mesh import FileMesh
 from jointsdf.shapes.readers.gltf import read_gltf
-from jointsdf.shapes.readers.gltf_container import content_sha256
-from jointsdf.shapes.readers.mesh_file import read_mesh
+from jointsdf.shapes.readers.mesh_file import content_sha256, read_mesh
 from jointsdf.values import Unit
 
 CORNERS = BOX.vertices.astype(np.float32)  # a box of 2 x 3 x 4 about (5, 6, 7)
