@@ -58,6 +58,17 @@ RECONSTRUCTION = (
     Column("components", "Components", 1, "none"),
 )
 SEGMENTATION = (MIOU, ACC, CONSISTENCY, MIOU_EXACT, ACC_EXACT, BOUNDARY_F1)
+DISTANCE = (
+    Column("sdf_relative_mean", "Rel. error", 4, "low"),
+    Column("sdf_relative_p99", "p99", 3, "low"),
+    Column("sdf_ratio", "$f/d$", 3, "none"),
+    Column("gradient_angle_median", r"$\angle$ ($^\circ$)", 1, "low"),
+    Column("eikonal_error", "Eikonal", 3, "low"),
+    Column("overshoot", "Overshoot", 4, "low"),
+    Column("overshoot_b5", r"Overshoot, 5\,\%", 4, "low"),
+    Column("sign_error", "Sign", 5, "low"),
+    Column("sdf_error_mean_b1", r"Error, 1\,\%", 5, "low"),
+)
 BY_PART_COUNT = (CD_L1, CD_L1_OVER_FLOOR, NC, F1, MIOU, ACC, MIOU_EXACT)
 PAIRED = (CD_L1, CD_L1_OVER_FLOOR, NC, F1)
 CONTRASTED = (CD_L1_OVER_FLOOR, SURFACE_P99, NC, F1, *SEGMENTATION)

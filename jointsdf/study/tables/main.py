@@ -11,7 +11,15 @@ from jointsdf.study.captions import SEVERAL, describe_machines
 from jointsdf.study.comparisons import Comparison, compare
 from jointsdf.study.groups import Group
 from jointsdf.study.statistics import pooled_deviation
-from jointsdf.study.tables.columns import BY_PART_COUNT, CONTRASTED, COST, RECONSTRUCTION, SEGMENTATION, Column
+from jointsdf.study.tables.columns import (
+    BY_PART_COUNT,
+    CONTRASTED,
+    COST,
+    DISTANCE,
+    RECONSTRUCTION,
+    SEGMENTATION,
+    Column,
+)
 from jointsdf.study.tables.latex import MISSING, cell, escape
 from jointsdf.study.tables.table import (
     Table,
@@ -41,6 +49,14 @@ def main_segmentation(group: Group, label: str) -> Table | None:
     references = ", ".join(f"{name}: {meaning}" for name, meaning in REFERENCES.items())
     what = f"Segmentation ({references}), {MEAN}"
     return _by_head(what, compare(group, baseline=False), SEGMENTATION, REFERENCES, label)
+
+
+def distance(group: Group, label: str) -> Table | None:
+    """Errors of the field away from the surface, a line per head. None for a group of rows without them."""
+    what = f"Distance away from the surface (uniform in the box; bands of 5 and 1 percent of the longest side), {MEAN}"
+    comparison = compare(group, baseline=True)
+    measured = {column.metric for column in DISTANCE} & set(comparison.runs.columns)
+    return _by_head(what, comparison, DISTANCE, {}, label) if measured else None
 
 
 def cost(group: Group, label: str) -> Table | None:

@@ -38,6 +38,7 @@ def builders(paper: Path) -> dict[str, Builder]:
     return {
         "main_reconstruction": main_tables.main_reconstruction,
         "main_segmentation": main_tables.main_segmentation,
+        "distance": main_tables.distance,
         "worst": worst,
         "against_paper": partial(against_paper, paper=paper),
         "paired_reconstruction": paired_tests.paired_reconstruction,

@@ -121,3 +121,16 @@ def test_a_thousand_runs_are_counted_by_shape(tmp_path: Path) -> None:
     rows = [make_row(head, f"abc_{k:04d}", seed, **scores) for head in heads for k in range(50) for seed in range(4)]
     write_tables(rows, tmp_path, tmp_path)
     assert line(read_table(tmp_path, "main_segmentation"), "hybrid")["n"] == 50
+
+
+def test_distance_by_hand_and_only_of_rows_that_have_it(tmp_path: Path) -> None:
+    scores = {"cd_l1": 1.0, "sdf_relative_mean": 0.01, "sdf_ratio": 0.99, "overshoot": 0.002}
+    write(tmp_path, make_row("relu", **scores), make_row("relu", "abc_0002", **scores | {"sdf_relative_mean": 0.03}))
+    make_tables(tmp_path)
+    relu = line(read_table(tmp_path, "distance"), "relu")
+    assert (relu["sdf_relative_mean_mean"], relu["sdf_ratio_mean"]) == pytest.approx((0.02, 0.99))
+    assert relu["gradient_angle_median_n"] == 0
+    assert r"relu & 2 & 0.0200 $\pm$ 0.0141" in read_tex(tmp_path, "distance")
+    (tmp_path / "without").mkdir()
+    write(tmp_path / "without", make_row("relu", cd_l1=1.0))
+    assert not any(path.stem == "distance" for path in make_tables(tmp_path / "without"))
