@@ -27,7 +27,7 @@ class FarDistance:
         InputError: The band is not above 0.
     """
 
-    band: float = 0.01
+    band: float = 0.1
     zero_on_exact_distance: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
