@@ -1,7 +1,6 @@
 """Boundary F1: position of the borders between parts."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -16,7 +15,7 @@ from jointsdf.values import LabelledMesh, SurfaceSamples
 
 @dataclass(frozen=True)
 class Boundary:
-    """F1 of points along the borders between parts, at a distance tolerance: `boundary_f1`.
+    """F1 of points along the borders between parts, at a distance tolerance: `boundary_f1`, or another column.
 
     Precision is the share of the predicted border's length within the tolerance of the true border, recall the
     reverse. 1 where neither mesh has a border, 0 where only one has, and for an empty prediction; NaN where either
@@ -25,22 +24,28 @@ class Boundary:
     Args:
         spacing: Largest distance between points along an edge, in the frame of the meshes.
         tolerance: In the frame of the meshes, where the longest side is 1.
+        column: Name of the score.
     """
 
     spacing: float = 0.001
     tolerance: float = 0.01
-    ceilings: ClassVar[tuple[str, ...]] = ("boundary_f1",)
+    column: str = "boundary_f1"
+
+    @property
+    def ceilings(self) -> tuple[str, ...]:
+        """The column, of which the grid's ceiling is scored."""
+        return (self.column,)
 
     def __call__(self, predicted: SurfaceSamples, truth: SurfaceSamples) -> dict[str, float]:
         """Score the prediction; see the class."""
         default = score_without_labels(predicted, truth)
         if default is not None:
-            return {"boundary_f1": default}
+            return {self.column: default}
         found, wanted = self._points(predicted), self._points(truth)
         if len(found[0]) == 0 or len(wanted[0]) == 0:
-            return {"boundary_f1": float(len(found[0]) == len(wanted[0]))}
+            return {self.column: float(len(found[0]) == len(wanted[0]))}
         precision, recall = self._share_near(*found, wanted[0]), self._share_near(*wanted, found[0])
-        return {"boundary_f1": 2 * precision * recall / (precision + recall) if precision + recall > 0 else 0.0}
+        return {self.column: 2 * precision * recall / (precision + recall) if precision + recall > 0 else 0.0}
 
     def _points(self, samples: SurfaceSamples) -> tuple[Float[ndarray, "n 3"], Float[ndarray, " n"]]:
         scale = samples.frame.scale

@@ -20,7 +20,7 @@ from jointsdf.metrics.f_score import FScore
 from jointsdf.values import LabelledMesh
 
 FLOORS = {f"{key}_floor" for key in ("cd_l1", "cd_l2", "nc", "f1", "miou", "acc", "consistency")}
-CEILINGS = {f"{key}_ceiling" for key in ("miou_exact", "acc_exact", "boundary_f1")}
+CEILINGS = {f"{key}_ceiling" for key in ("miou_exact", "acc_exact", "boundary_f1", "boundary_f1_fine")}
 
 
 def without_labels(mesh: LabelledMesh) -> LabelledMesh:
@@ -98,7 +98,7 @@ def test_configuration_is_the_specified_protocols():
 def test_row_has_exactly_these_columns(name):
     found = scores(OFF, TRUTH, name=name)
     plain = {"nc", "f1", "miou", "acc", "consistency", "parts_pred", "parts_gt", "iou_2", "iou_7", "cd_l1", "cd_l2"}
-    exact = {"surface_mean", "surface_p99", "surface_max", "miou_exact", "acc_exact", "boundary_f1"}
+    exact = {"surface_mean", "surface_p99", "surface_max", "miou_exact", "acc_exact", "boundary_f1", "boundary_f1_fine"}
     topology = {"components", "components_gt", "euler", "euler_gt", "volume", "volume_gt"}
     assert found.keys() == plain | exact | topology | FLOORS | CEILINGS
 
@@ -108,8 +108,8 @@ def test_perfect_prediction_scores_its_floor_and_the_exact_best():
     for key in FLOORS:
         assert found[key] == found[key.removesuffix("_floor")], key
     assert found["cd_l1_floor"] > 0.5  # noise between two clouds, not zero
-    exact = ("surface_max", "miou_exact", "acc_exact", "boundary_f1")
-    assert [found[key] for key in exact] == pytest.approx([0, 1, 1, 1], abs=1e-9)
+    exact = ("surface_max", "miou_exact", "acc_exact", "boundary_f1", "boundary_f1_fine")
+    assert [found[key] for key in exact] == pytest.approx([0, 1, 1, 1, 1], abs=1e-9)
     assert (found["volume"], found["volume_gt"]) == pytest.approx((6 / 27, 6 / 27))
 
 
@@ -159,13 +159,35 @@ def test_empty_prediction_is_a_row_not_an_exception(name):
     found = scores(EMPTY, TRUTH, ceiling=EMPTY, name=name)
     undefined = {key for key, value in found.items() if math.isnan(value)}
     assert undefined == {"cd_l1", "cd_l2", "nc", "surface_mean", "surface_p99", "surface_max", "consistency"}
-    zero = ("f1", "miou", "acc", "miou_exact", "acc_exact", "boundary_f1", "components", "volume", *CEILINGS)
+    zero = (
+        "f1",
+        "miou",
+        "acc",
+        "miou_exact",
+        "acc_exact",
+        "boundary_f1",
+        "boundary_f1_fine",
+        "components",
+        "volume",
+        *CEILINGS,
+    )
     assert [found[key] for key in zero] == [0.0] * len(zero)
 
 
 def test_geometry_is_measured_without_labels():
     found, expected = scores(without_labels(OFF), TRUTH), scores(OFF, TRUTH)
-    labels = {"miou", "acc", "consistency", "iou_2", "iou_7", "miou_exact", "acc_exact", "boundary_f1", *CEILINGS}
+    labels = {
+        "miou",
+        "acc",
+        "consistency",
+        "iou_2",
+        "iou_7",
+        "miou_exact",
+        "acc_exact",
+        "boundary_f1",
+        "boundary_f1_fine",
+        *CEILINGS,
+    }
     assert {key for key, value in found.items() if math.isnan(value)} == labels
     assert found["parts_pred"] == 0
     kept = found.keys() - labels - {"parts_pred"}

@@ -13,6 +13,14 @@ def test_displaced_border_counts_up_to_the_tolerance(shift, expected):
     assert score(Boundary(), plate(lambda _: 0.5 + shift), plate(lambda _: 0.5))["boundary_f1"] == expected
 
 
+@pytest.mark.parametrize(("shift", "expected"), [(0.0015, 1.0), (0.006, 0.0)])
+def test_the_fine_score_has_its_own_column_tolerance_and_ceiling(shift: float, expected: float) -> None:
+    fine = Boundary(0.0005, 0.002, "boundary_f1_fine")
+    found = score(fine, plate(lambda _: 0.5 + shift), plate(lambda _: 0.5))
+    assert found == {"boundary_f1_fine": expected}
+    assert (fine.ceilings, Boundary().ceilings) == (("boundary_f1_fine",), ("boundary_f1",))
+
+
 def test_border_that_leaves_counts_by_length():
     away = plate(lambda y: np.where(y < 0.3, 0.5, 0.55))
     found = score(Boundary(), away, plate(lambda _: 0.5))["boundary_f1"]

@@ -44,6 +44,7 @@ CONSISTENCY = Column("consistency", "Consistency", 3, "high")
 MIOU_EXACT = Column("miou_exact", "mIoU exact", 3, "high")
 ACC_EXACT = Column("acc_exact", "Acc. exact", 3, "high")
 BOUNDARY_F1 = Column("boundary_f1", "Boundary F1", 3, "high")
+BOUNDARY_F1_FINE = Column("boundary_f1_fine", "Fine", 3, "high")
 SECONDS = Column("seconds_total", "Total", 0, "low", " (s)")
 MEMORY = Column("peak_memory_mb", "Memory", 0, "low", " (MiB)")
 
@@ -57,7 +58,7 @@ RECONSTRUCTION = (
     SURFACE_P99,
     Column("components", "Components", 1, "none"),
 )
-SEGMENTATION = (MIOU, ACC, CONSISTENCY, MIOU_EXACT, ACC_EXACT, BOUNDARY_F1)
+SEGMENTATION = (MIOU, ACC, CONSISTENCY, MIOU_EXACT, ACC_EXACT, BOUNDARY_F1, BOUNDARY_F1_FINE)
 DISTANCE = (
     Column("sdf_relative_mean", "Rel. error", 4, "low"),
     Column("sdf_relative_p99", "p99", 3, "low"),
