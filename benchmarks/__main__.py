@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks import extraction, fit, limits, measures, overhead, quality, signs, step
+from benchmarks import extraction, fit, limits, measures, overhead, quality, signs, step, tracing
 from benchmarks.table import Row, table
 from jointsdf.runs.provenance import code_state, provenance
 from jointsdf.training.product_choice import machine_kind
@@ -25,6 +25,7 @@ BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "limits": limits.rows,
     "quality": quality.rows,
     "signs": signs.rows,
+    "tracing": tracing.rows,
 }
 
 

@@ -7,13 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+import trimesh
 
 from benchmarks import __main__ as command
-from benchmarks import extraction, fit, limits, measures, overhead, progress, quality, signs, step
+from benchmarks import extraction, fit, limits, measures, overhead, progress, quality, signs, step, tracing
 from benchmarks.scene import composed
 from benchmarks.table import Row, interleaved, table
 from jointsdf.experiment.run import run
+from jointsdf.geometry.distance import ExactDistance
 from jointsdf.optimizers import ITERATIONS, orthogonalise
+from jointsdf.values import LabelledMesh
 
 SMALL = ("data.pool_size=2000", "data.cloud_size=2000", "data.border_points=2000", "extraction.resolution=24")
 COUNTS = [f"data.counts.{name}=50" for name in ("manifold", "non_manifold", "shell", "pool")]
@@ -147,3 +150,17 @@ def test_signs_are_counted_against_the_exact_winding_number(monkeypatch: pytest.
     rows = signs.rows(points=200, most=2)
     assert [(row.ours, row.theirs) for row in rows] == [(0, 400), (0, 200)] * 3
     assert {row.what for row in rows} == {"signs at 200 points of 2 built-in parts"}
+
+
+def test_sphere_tracing_of_an_exact_distance_loses_nothing_and_of_a_stretched_one_passes_through():
+    mesh = trimesh.creation.icosphere(4, 0.5)
+    corners = np.asarray(mesh.triangles)
+    known = ExactDistance(LabelledMesh(mesh.vertices, mesh.faces, np.zeros(len(mesh.faces), int)), watertight=True)
+    ends, lost = tracing.compare(known.signed, corners, 2000)
+    assert lost == 0
+    assert len(ends) > 900
+    assert np.abs(known.signed(ends)).max() < tracing.HIT
+    slab = trimesh.creation.box((1, 1, 0.02))
+    thin = ExactDistance(LabelledMesh(slab.vertices, slab.faces, np.zeros(12, int)), watertight=True)
+    assert tracing.compare(thin.signed, np.asarray(slab.triangles), 500)[1] == 0
+    assert tracing.compare(lambda points: 1.2 * thin.signed(points), np.asarray(slab.triangles), 500)[1] > 0.2
