@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks import extraction, fit, limits, measures, overhead, quality, signs, step, tracing
+from benchmarks import extraction, fit, grids, limits, measures, overhead, quality, signs, step, tracing
 from benchmarks.table import Row, table
 from jointsdf.runs.provenance import code_state, provenance
 from jointsdf.training.product_choice import machine_kind
@@ -26,6 +26,7 @@ BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "quality": quality.rows,
     "signs": signs.rows,
     "tracing": tracing.rows,
+    "grids": grids.rows,
 }
 
 
