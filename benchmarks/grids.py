@@ -1,4 +1,4 @@
-"""The exact distance on a grid, interpolated linearly: the peer of a field away from the surface, in the field's columns.
+"""The exact distance on a grid, interpolated linearly, in the columns of a field, whose peer it is off the surface.
 
 The grid spans the training box. Bytes are those of its float32 values.
 """
