@@ -183,8 +183,8 @@ class Samples(NamedTuple):
     angles: Float[Tensor, " s"]
     pool: Float[Tensor, "p 3"]
     pool_distances: Float[Tensor, " p"]
-    far: Float[Tensor, "q 3"]
-    far_gradients: Float[Tensor, "q 3"]
+    far: Float[Tensor, "q 3"] = torch.zeros(0, 3)
+    far_gradients: Float[Tensor, "q 3"] = torch.zeros(0, 3)
 
 
 @dataclass(frozen=True)

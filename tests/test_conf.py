@@ -187,7 +187,7 @@ def test_loss_joint_is_flatcads_forms_divided_and_with_exact_distances() -> None
 
 
 def test_loss_mesh_is_distances_and_normals_in_place_of_what_points_need() -> None:
-    loss = plain(config("loss=mesh").loss)
+    loss = plain(config("loss=mesh_near").loss)
     active = {name: weight for name, weight in loss["weights"].items() if weight}
     assert active == {"dirichlet": 7000, "signed_distance": 35000, "normals": 300, "cross_entropy": 100}
     assert loss["terms"].pop("signed_distance") == {
@@ -203,6 +203,15 @@ def test_loss_mesh_is_distances_and_normals_in_place_of_what_points_need() -> No
     assert loss["schedules"] == joint["schedules"]
 
 
+def test_loss_mesh_has_distances_and_gradients_far_away_beside_those_near() -> None:
+    loss, near = plain(config("loss=mesh").loss), plain(config("loss=mesh_near").loss)
+    assert loss["terms"].pop("far_distance") == {"_target_": "jointsdf.losses.far_distance.FarDistance", "band": 0.1}
+    assert loss["terms"].pop("far_gradients") == {"_target_": "jointsdf.losses.far_gradients.FarGradients"}
+    assert (loss["weights"].pop("far_distance"), loss["weights"].pop("far_gradients")) == (3500, 100)
+    assert loss == near
+    assert (config().data.counts.far, config("recipe=points").data.counts.far) == (500, 0)
+
+
 def test_points_takes_nothing_from_the_mesh_but_points_and_labels() -> None:
     cfg = config("recipe=points")
     assert cfg.data.distances == "cloud"
@@ -211,7 +220,7 @@ def test_points_takes_nothing_from_the_mesh_but_points_and_labels() -> None:
 
 
 @pytest.mark.parametrize(
-    ("recipe", "loss"), [("fast", "mesh"), ("points", "mesh loss.weights.eikonal=50"), ("smoke", "joint")]
+    ("recipe", "loss"), [("fast", "mesh"), ("points", "mesh_near loss.weights.eikonal=50"), ("smoke", "joint")]
 )
 def test_small_recipes_use_the_loss_of_what_they_know(recipe: str, loss: str) -> None:
     found, named = (plain(config(*overrides.split()).loss) for overrides in (f"recipe={recipe}", f"loss={loss}"))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from torch import Tensor
+from torch.nn.functional import normalize
 from torch.optim import Adam, Optimizer
 
 from jointsdf.errors import InputError
@@ -75,9 +76,12 @@ class Stepped(JointSDFModule):
 def samples_of(count: int = 24, seed: int = 0) -> Samples:
     g = torch.Generator().manual_seed(seed)
     manifold, non_manifold, shell, pool = (torch.rand(4, count, 3, generator=g) * 2 - 1).unbind()
-    labels, normals = torch.arange(count) % 4, torch.nn.functional.normalize(manifold, dim=-1)
+    labels, normals = torch.arange(count) % 4, normalize(manifold, dim=-1)
     angles = torch.rand(count, generator=g) * 6
-    return Samples(manifold, labels, normals, non_manifold, shell, angles, pool, pool[:, 0] * 0.5)
+    gradients = normalize(pool + 2, dim=-1)
+    return Samples(
+        manifold, labels, normals, non_manifold, shell, angles, pool, pool[:, 0] * 0.5, pool.flip(0), gradients
+    )
 
 
 def module_of(

@@ -9,6 +9,7 @@ import torch
 from hydra import compose, initialize_config_dir
 from sine_networks import NETWORKS, network, plain, random_points, relative
 from torch import Tensor
+from torch.nn.functional import normalize
 
 from jointsdf import threads
 from jointsdf.losses import Mixed, Needs
@@ -116,15 +117,18 @@ def oracle_step(module: JointSDFModule, samples: Samples, needs: Needs) -> Step:
             mixed = mixed_stencil(lambda at: plain(trunk, at)[0], points, u, v, 0.05)
         logits = module.field.head(torch.cat([values.feature, points], -1)) if "logits" in wanted else None
         fields[name] = FieldValues(values.sdf, values.grad, mixed, logits)
-    return Step(fields, samples.labels, samples.normals, samples.pool_distances)
+    return Step(fields, samples.labels, samples.normals, samples.pool_distances, samples.far_gradients)
 
 
 def samples_of(dtype: torch.dtype, count: int = 24) -> Samples:
     g = torch.Generator().manual_seed(0)
     manifold, non_manifold, shell, pool = (torch.rand(4, count, 3, generator=g, dtype=dtype) * 2 - 1).unbind()
     angles = torch.rand(count, generator=g, dtype=dtype) * 6
-    labels, normals = torch.arange(count) % 4, torch.nn.functional.normalize(manifold, dim=-1)
-    return Samples(manifold, labels, normals, non_manifold, shell, angles, pool, pool[:, 0] * 0.5)
+    labels, normals = torch.arange(count) % 4, normalize(manifold, dim=-1)
+    gradients = normalize(pool + 2, dim=-1)
+    return Samples(
+        manifold, labels, normals, non_manifold, shell, angles, pool, pool[:, 0] * 0.5, pool.flip(0), gradients
+    )
 
 
 def total(module: JointSDFModule, step: Step) -> Tensor:
