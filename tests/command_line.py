@@ -18,6 +18,17 @@ from jointsdf.experiment import result, tensorboard
 from jointsdf.viewing.render import render_comparison
 
 ROOT = Path(__file__).parents[1]
+FILES = {  # of a finished run's folder
+    "config.yaml",
+    "field.ckpt",
+    "labels.json",
+    "labels.npy",
+    "mesh.glb",
+    "mesh.ply",
+    "preview.png",
+    "result.json",
+    "tb",
+}
 QUICK = (  # a run of about two seconds; the mesh is worthless
     "recipe=smoke",
     "trainer.max_steps=4",

@@ -20,7 +20,6 @@ BANDS = {"": math.inf, "_b01": 0.001, "_b1": 0.01, "_b5": 0.05}  # suffix of the
 FAR = 0.02  # |d| from which a relative error counts, at uniform points
 NEAR_SHARE = 0.1  # the same in a band, as a share of it
 EXCESS, SLACK = 1.02, 0.001  # a value beyond EXCESS |d| + SLACK lets a sphere tracer pass through the surface
-FLAT = 1e-7  # |d| below which the closest point tells no direction
 DRAWS = 1.5  # points drawn for each one wanted in a band: along a crease a normal does not lead straight away
 
 COLUMNS = (
@@ -38,7 +37,7 @@ class Probes(NamedTuple):
     Attributes:
         points: Positions.
         distances: Signed, negative inside.
-        directions: Unit gradient of the distance; NaN at points of the surface, which have no closest one apart.
+        directions: Unit gradient of the distance; 0 at points of the surface, whose closest point tells none.
     """
 
     points: Float[ndarray, "n 3"]
@@ -105,13 +104,9 @@ class Distance:
 
 
 def find_probes(exact: ExactDistance, points: Float[ndarray, "n 3"]) -> Probes:
-    """Find the exact distance and its gradient, the direction away from the closest point of the surface, at points."""
+    """Find the exact distance and its gradient at points of the frame of the exact distance's mesh."""
     distances = exact.signed(points)
-    away = points - exact.closest.nearest(points)
-    lengths = np.linalg.norm(away, axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        directions = np.where(lengths > FLAT, np.sign(distances) / lengths, math.nan)[:, None] * away
-    return Probes(points, distances, directions)
+    return Probes(points, distances, exact.gradients(points, distances))
 
 
 def score_field(
@@ -129,7 +124,7 @@ def score_field(
     errors, far = np.abs(values - probes.distances), known > beyond
     lengths = np.linalg.norm(gradients, axis=1)
     cosines = np.einsum("ij,ij->i", gradients, probes.directions) / np.maximum(lengths, np.finfo(float).tiny)
-    angles = np.degrees(np.arccos(np.clip(cosines[np.isfinite(cosines)], -1, 1)))
+    angles = np.degrees(np.arccos(np.clip(cosines[probes.directions.any(axis=1)], -1, 1)))
     relative = errors[far] / known[far]
     scores = (
         *(_mean(errors), _percentile(errors, 99), _mean(relative), _percentile(relative, 99)),

@@ -3,23 +3,12 @@
 import numpy as np
 import pytest
 import yaml
-from command_line import finished, train
+from command_line import FILES, finished, train
 from run_folders import contents, own_copy, row_of
 
 from jointsdf.shapes.builtin import BUILTINS
 
 pytestmark = pytest.mark.filterwarnings("default")
-FILES = {
-    "config.yaml",
-    "field.ckpt",
-    "labels.json",
-    "labels.npy",
-    "mesh.glb",
-    "mesh.ply",
-    "preview.png",
-    "result.json",
-    "tb",
-}
 
 
 def test_the_same_command_gives_the_row_at_once_and_touches_nothing(tmp_path):

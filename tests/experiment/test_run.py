@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from command_line import PLACE, finished, train
+from command_line import FILES, PLACE, finished, train
 from PIL import Image
 from run_folders import OUTPUTS_LEVEL, row_of
 
@@ -21,17 +21,6 @@ from jointsdf.values import Unit
 from jointsdf.viewing.part_mesh import PartMesh
 
 pytestmark = pytest.mark.filterwarnings("default")
-FILES = {
-    "config.yaml",
-    "field.ckpt",
-    "labels.json",
-    "labels.npy",
-    "mesh.glb",
-    "mesh.ply",
-    "preview.png",
-    "result.json",
-    "tb",
-}
 
 
 def test_a_run_leaves_these_files_and_no_others():
