@@ -60,9 +60,11 @@ def exact_step(field: Field) -> Step:
         "non_manifold": values(uniform(seed=3)),
         "shell": values(surface + 0.02 * uniform(seed=4)),
         "pool": values(pool),
+        "far": values(uniform(seed=5)),
     }
     normals = torch.nn.functional.normalize(autograd_gradient(field, surface.clone().requires_grad_()), dim=-1).detach()
-    return Step(fields, torch.zeros(len(surface), dtype=torch.int64), normals, field(pool))
+    known = autograd_gradient(field, uniform(seed=5).requires_grad_()).detach()
+    return Step(fields, torch.zeros(len(surface), dtype=torch.int64), normals, field(pool), known)
 
 
 def step_of(**fields: FieldValues) -> Step:

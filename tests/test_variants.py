@@ -24,7 +24,7 @@ from jointsdf.training.settings import FitSettings, Objective
 from jointsdf.values import Samples, Shape, Step
 
 CONF = Path(__file__).parents[1] / "conf"
-POINT_SETS = {"manifold", "non_manifold", "shell", "pool"}
+POINT_SETS = {"manifold", "non_manifold", "shell", "pool", "far"}
 
 
 def names(group: str) -> list[str]:
@@ -53,7 +53,7 @@ def objective(name: str) -> dict[str, Any]:
 
 @pytest.fixture
 def samples(box_shape: Shape) -> Samples:
-    counts = Counts(manifold=128, non_manifold=128, shell=128, pool=128, balanced=0.5)
+    counts = Counts(manifold=128, non_manifold=128, shell=128, pool=128, far=64, balanced=0.5)
     return sampler_of(box_shape, counts, pool_size=2000).draw(0)
 
 

@@ -21,18 +21,19 @@ def nesting_depth(
 ) -> Int[ndarray, " b"]:
     """Number of other bodies that each body lies in, wholly: those that pass through each other are not nested.
 
-    Nor is a body that is there twice, in other triangles.
+    Nor is a body that is there twice, in other triangles and of one winding; of two windings these are a cavity and what
+    fills it.
 
     Args:
         vertices: Positions.
         faces: Vertex indices, those of bodies wound outward.
         body: Closed body of each face, numbered from 0; -1 for faces of none, which together count as another body.
-        volumes: Of the bodies.
+        volumes: Of the bodies, negative for those that were wound inward.
     """
     members = [np.flatnonzero(body == -1), *_members(body, len(volumes))]
     rest, bodies = members[0], members[1:]
     depth = np.zeros(len(bodies), dtype=np.int64)
-    inner, outer = _within_boxes(vertices, faces, bodies, volumes)
+    inner, outer = _within_boxes(vertices, faces, bodies, np.abs(volumes))
     if len(inner):
         apart = ~_cross(vertices, faces, body, inner, outer, len(bodies))
         apart &= ~_coincide(vertices, faces, bodies, volumes, inner, outer)
@@ -81,9 +82,9 @@ def _cross(
 def _coincide(
     vertices: ndarray, faces: ndarray, bodies: list[ndarray], volumes: ndarray, inner: ndarray, outer: ndarray
 ) -> Bool[ndarray, " p"]:
-    """Whether the bodies of each pair have equal volumes, and some faces of the one their middles on the other one."""
+    """Whether the bodies of each pair have equal signed volumes, and some faces of one their middles on the other."""
     slack = SLACK * np.ptp(vertices, axis=0).max()
-    same = volumes[inner] >= SAME * volumes[outer]
+    same = volumes[inner] / volumes[outer] >= SAME
     for pair in np.flatnonzero(same):
         middles = vertices[faces[_choose(bodies[inner[pair]])]].mean(axis=1)
         held = faces[bodies[outer[pair]]]

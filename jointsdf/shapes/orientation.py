@@ -110,7 +110,7 @@ def _find_inverted(source: str, vertices: ndarray, patches: Patches) -> Bool[nda
     if np.count_nonzero(bodies) and len(bodies) > 1:
         outward = np.where((inverted | inward)[patches.number][:, None], patches.faces[:, ::-1], patches.faces)
         body = np.where(bodies, np.cumsum(bodies) - 1, -1)[patches.number]
-        depth[bodies] = nesting_depth(vertices, outward, body, np.abs(volumes[bodies]))
+        depth[bodies] = nesting_depth(vertices, outward, body, volumes[bodies])
     cavity = bodies & (depth % 2 == 1)
     turned = inverted | (bodies & (inward != cavity))
     _tell(source, int((turned & ~cavity).sum()), int((turned & cavity).sum()), len(bodies), bool(bodies.all()))

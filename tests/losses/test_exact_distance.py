@@ -9,6 +9,7 @@ from torch import Tensor
 from jointsdf.losses.dirichlet import Dirichlet
 from jointsdf.losses.eikonal import Eikonal
 from jointsdf.losses.far_distance import FarDistance
+from jointsdf.losses.far_gradients import FarGradients
 from jointsdf.losses.near_distance import NearDistance
 from jointsdf.losses.normals import Normals
 from jointsdf.losses.signed_distance import SignedDistance
@@ -23,6 +24,7 @@ from jointsdf.values import Step
         SignedDistance(),
         NearDistance(),
         FarDistance(),
+        FarGradients(),
         Normals(),
         Eikonal("abs", ["manifold", "shell"]),
         Eikonal("squared", ["manifold", "non_manifold", "shell"]),
