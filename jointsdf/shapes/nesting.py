@@ -21,8 +21,8 @@ def nesting_depth(
 ) -> Int[ndarray, " b"]:
     """Number of other bodies that each body lies in, wholly: those that pass through each other are not nested.
 
-    Nor is a body that is there twice, in other triangles and of one winding; of two windings these are a cavity and what
-    fills it.
+    Nor is a body that is there twice, in other triangles and of one winding; of two windings they are a cavity and its
+    filling.
 
     Args:
         vertices: Positions.
