@@ -184,3 +184,10 @@ def test_a_grid_interpolates_a_linear_field_exactly_and_its_gradient_is_that_of_
     found = grids.rows(["part_02"], [16, 48], points=500)
     coarse, fine = (next(row.ours for row in found if row.what == f"grid {n}^3: sdf_relative_mean") for n in (16, 48))
     assert 0 < fine < coarse < 0.5
+
+
+def test_tracing_gives_rows_of_a_fitted_field():
+    overrides = ["recipe=smoke", "trainer.max_steps=2", "extraction.resolution=24", "data.pool_size=500"]
+    found = tracing.rows(["part_02"], 200, overrides)
+    assert len(found) == 3
+    assert all(row.target is None for row in found)
