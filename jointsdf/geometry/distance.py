@@ -51,18 +51,19 @@ class ClosestPoint:
 
     def query(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Int[ndarray, " n"]]:
         """Distance to the closest point of the surface, and the face that holds it."""
-        order = spatial_order(points)
-        squared, closest, _ = self._tree.squared_distance(*self._pieces, _ordered(points, order))
-        distances, faces = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
-        distances[order], faces[order] = np.sqrt(squared), self._whole[closest]
-        return distances, faces
+        squared, pieces, _ = self._search(points)
+        return np.sqrt(squared), self._whole[pieces]
 
     def nearest(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
         """The closest point of the surface itself."""
-        order = spatial_order(points)
-        places = np.zeros((len(points), 3))
-        places[order] = self._tree.squared_distance(*self._pieces, _ordered(points, order))[2]
+        places: Float[ndarray, "n 3"] = self._search(points)[2]
         return places
+
+    def _search(self, points: Float[ndarray, "n 3"]) -> list[ndarray]:
+        """Squared distance, piece and place of the closest point of the surface."""
+        order = spatial_order(points)
+        back = np.argsort(order)
+        return [found[back] for found in self._tree.squared_distance(*self._pieces, _ordered(points, order))]
 
 
 class ExactDistance:

@@ -9,7 +9,7 @@ INSIDE = 0.5  # winding number above which a point is inside
 
 
 class WindingNumber:
-    """The fast winding number of a mesh, closed or not.
+    """The fast winding number of a mesh, closed or not, its hierarchy built once.
 
     libigl sums in float32, so the mesh is moved to the origin and scaled to a longest side of 1 before.
 
@@ -22,12 +22,12 @@ class WindingNumber:
         used = vertices[faces].reshape(-1, 3).astype(np.float64)
         low, high = used.min(axis=0), used.max(axis=0)
         self._middle, self._size = (low + high) / 2, float((high - low).max())
-        self._vertices = self._to_own_frame(used)
-        self._faces = np.arange(len(used), dtype=np.int64).reshape(-1, 3)
+        self._hierarchy = igl.FastWindingNumberBVH()
+        self._hierarchy.init(self._to_own_frame(used), np.arange(len(used), dtype=np.int64).reshape(-1, 3))
 
     def at(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """Winding number at points in the frame of the vertices: about 1 inside, 0 outside."""
-        return igl.fast_winding_number(self._vertices, self._faces, self._to_own_frame(points))
+        return self._hierarchy.winding_number(self._to_own_frame(points))
 
     def encloses(self, points: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether each point is inside."""
