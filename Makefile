@@ -13,21 +13,25 @@ STAMP := $(VENV)/.complete
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test fuzz test-slurm lint train sweep results tables figures report abc bench docs clean
+.PHONY: help setup peers demo test fuzz power-cuts load test-slurm lint train sweep results tables figures report abc bench docs lock clean
 
 help: ## List these commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' Makefile
 
 setup: $(STAMP) ## Make .venv and install the pinned versions (nothing to do when up to date)
 
-# torch comes first: whatever build of it is chosen (TORCH=...), nothing after it pulls another.
-$(STAMP): pyproject.toml constraints.txt
+# Every package by the hash of its file. torch, whose build is the user's choice (TORCH=...), brings what its build needs.
+$(STAMP): pyproject.toml requirements.lock
 	@"$(PYTHON)" $(NEW_ENOUGH) 2>/dev/null \
 		|| { echo "No Python 3.11 or newer found$(if $(PYTHON), at $(PYTHON)): name one, make setup PYTHON=..."; exit 2; }
 	@$(RUN) -m pip --version >/dev/null 2>&1 || "$(PYTHON)" -m venv "$(VENV)"
-	$(RUN) -m pip install --quiet -c constraints.txt "$(TORCH)"
-	$(RUN) -m pip install --quiet -c constraints.txt -e '.[dev]'
+	$(RUN) -m pip install --quiet --no-deps --require-hashes -r requirements.lock
+	$(RUN) -m pip install --quiet "$(TORCH)"
+	$(RUN) -m pip install --quiet --no-deps --no-build-isolation -e .
 	@touch "$@"
+
+peers: setup ## The libraries of `python -m benchmarks peers` into .venv (Linux, macOS; 500 MB)
+	$(RUN) -m pip install --quiet --no-deps --require-hashes -r requirements-peers.lock
 
 demo: setup ## Fit, extract and measure the built-in part part_01, and say where to look
 	$(RUN) train.py $(ARGS)
@@ -63,8 +67,14 @@ test: setup ## The whole test suite, slow tests included; ARGS="-m 'not slow'" l
 fuzz: setup ## 2,000 damaged files of each format: each loads, or is refused in one line; in about 40 minutes
 	JOINTSDF_FUZZ=2000 $(RUN) -m pytest -n $(JOBS) tests/shapes/test_fuzz.py $(ARGS)
 
+power-cuts: setup ## A run cut off at 50 of its flushes to the disk, its names kept and lost, goes on to the same bits; ten minutes
+	JOINTSDF_POWER_CUTS=50 $(RUN) -m pytest -n $(JOBS) tests/trust/test_power_cut.py $(ARGS)
+
+load: setup ## Six processes on one sweep, 40 kills, then meshes of 2 million faces, 10,000 rows, 10^7 points: half an hour
+	JOINTSDF_LOAD=40 $(RUN) -m pytest tests/trust/test_load_runs.py tests/trust/test_load_fields.py $(ARGS)
+	$(RUN) -m benchmarks.load
+
 test-slurm: setup ## The test of hydra/launcher=slurm, on a SLURM that it starts here; needs root and apt install slurm-wlm munge
-	$(RUN) -m pip install --quiet -c constraints.txt -e '.[slurm]'
 	JOINTSDF_TEST_SLURM=1 $(RUN) -m pytest tests/experiment/test_sweep_engines.py -k slurm $(ARGS)
 
 lint: setup ## ruff, mypy and the import contracts
@@ -78,6 +88,19 @@ docs: setup ## The documentation into docs/_build/html, offline; executes its no
 	$(RUN) -m sphinx -b html -W --keep-going -q docs docs/_build/html
 	@grep -q '<img[^>]*png' docs/_build/html/notebooks/first_fit.html || { echo "the notebook's page has no figure"; exit 1; }
 	@echo "Open docs/_build/html/index.html"
+
+COMPILE := uv pip compile pyproject.toml --quiet --universal --python-version 3.11.5 --generate-hashes --no-annotate --no-header
+# Entries of the last file that neither belong to torch nor are in the files before it.
+NEW_ENTRIES := awk '/^[a-z]/ {kept = !($$1 in seen) && !/^(torch==|triton|nvidia-|cuda-)/; seen[$$1]} FILENAME == ARGV[ARGC - 1] && kept'
+
+lock: setup ## Both lock files and docs/licences.md anew from pyproject.toml; needs uv. Versions stay where they still fit
+	$(COMPILE) --extra dev --extra slurm -o requirements.lock
+	$(NEW_ENTRIES) requirements.lock > requirements.lock.new
+	mv requirements.lock.new requirements.lock
+	$(COMPILE) --extra peers -c requirements.lock -o requirements-peers.lock
+	$(NEW_ENTRIES) requirements.lock requirements-peers.lock > requirements-peers.lock.new
+	mv requirements-peers.lock.new requirements-peers.lock
+	$(RUN) docs/licences.py
 
 clean: ## Delete caches and build leftovers; outputs and .venv stay
 	rm -rf build dist docs/_build jointsdf.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

@@ -1,7 +1,9 @@
-"""`python -m benchmarks [NAME ...] [--write]`: a table of ratios, its summary last. Names: see `BENCHMARKS`."""
+"""`python -m benchmarks [NAME ...] [--write]`: a table of ratios, its summary last. Names: see `BENCHMARKS`.
+
+`python -m benchmarks peers` makes result rows instead: see `peers/command.py`.
+"""
 
 import argparse
-import csv
 import logging
 import shlex
 import sys
@@ -9,10 +11,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks import extraction, fit, grids, limits, measures, overhead, quality, signs, step, tracing
-from benchmarks.table import Row, table
-from jointsdf.runs.provenance import code_state, provenance
-from jointsdf.training.product_choice import machine_kind
+from benchmarks import (
+    extraction,
+    fit,
+    grids,
+    limits,
+    measures,
+    overhead,
+    parts,
+    quality,
+    queries,
+    representations,
+    signs,
+    simplification,
+    step,
+    tracing,
+)
+from benchmarks.peers.command import main as peers
+from benchmarks.table import Row, append, table
 
 RESULTS = Path(__file__).with_name("results.csv")
 BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
@@ -23,15 +39,21 @@ BENCHMARKS: dict[str, Callable[[], list[Row]]] = {
     "measures": measures.rows,
     "overhead": overhead.rows,
     "limits": limits.rows,
+    "parts": parts.rows,
     "quality": quality.rows,
     "signs": signs.rows,
     "tracing": tracing.rows,
     "grids": grids.rows,
+    "representations": representations.rows,
+    "queries": queries.rows,
+    "simplification": simplification.rows,
 }
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run what is named, or everything, and print the table."""
+    """Run what is named, or everything, and print the table; or what `peers` does."""
+    if arguments[:1] == ["peers"]:
+        sys.exit(peers(arguments[1:]))
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", choices=[*BENCHMARKS, []], help="all of them where none is named")
     parser.add_argument("--write", action="store_true", help=f"append the rows to {RESULTS.name}")
@@ -44,16 +66,8 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def write(path: Path, rows: Sequence[Row], command: str) -> None:
-    """Append rows with what made them: command, commit, machine, date and the machine's kind."""
-    known = provenance(code_state(), config_hash="")
-    made = {"command": command, **{key: known[key] for key in ("commit", "dirty", "machine", "date")}}
-    made["kind"] = machine_kind()
-    new = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [*asdict(rows[0]), "met", *made])
-        if new:
-            writer.writeheader()
-        writer.writerows({**asdict(row), "met": row.met, **made} for row in rows)
+    """Append rows with what made them."""
+    append(path, [{**asdict(row), "met": row.met} for row in rows], command)
 
 
 if __name__ == "__main__":

@@ -100,9 +100,10 @@ def one_step(module: JointSDFModule, optimizer: torch.optim.Optimizer, samples: 
 def fit_seconds(steps: int, overrides: Sequence[str]) -> float:
     """A fit as a run does it, without previews."""
     cfg = composed(f"trainer.max_steps={steps}", *overrides)
-    _, data, module = built(cfg)
+    shape, data, module = built(cfg)
+    given = build.labelled(cfg, shape, data.sampler.cloud)
     with tempfile.TemporaryDirectory() as folder:
-        return fit(module, data, Path(folder), build.fit_machine(cfg))[0]
+        return fit(module, data, Path(folder), build.fit_machine(cfg), labelled=given)[0]
 
 
 def beside_a_busy_process(steps: int, repetitions: int, threads: int, overrides: Sequence[str]) -> tuple[float, float]:

@@ -47,7 +47,7 @@ def fitted(cfg: DictConfig, mesh: LabelledMesh | None = None) -> tuple[Shape, Jo
     """Ground truth and trained field of a run."""
     shape, data, module = built(cfg, mesh)
     with tempfile.TemporaryDirectory() as folder:
-        fit(module, data, Path(folder), build.fit_machine(cfg))
+        fit(module, data, Path(folder), build.fit_machine(cfg), labelled=build.labelled(cfg, shape, data.sampler.cloud))
     return shape, module
 
 

@@ -1,15 +1,20 @@
 """A measured ratio, how it is taken, and the table of them."""
 
+import csv
 import statistics
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import torch
 
+from jointsdf.runs.provenance import code_state, provenance
 from jointsdf.training import matrix_products as products
 from jointsdf.training.hardware import KEPT_FREE, LARGEST_KEPT, freed_memory_kept
+from jointsdf.training.product_choice import machine_kind
 
 GLIBC_KEEPS = 2 * LARGEST_KEPT  # where its own rule ends up once pieces of the largest size have been freed
 
@@ -64,15 +69,40 @@ def table(rows: Sequence[Row]) -> list[str]:
     return [HEADER, *(row.line() for row in rows), summary + (f"; missed: {', '.join(missed)}" if missed else "")]
 
 
-def interleaved(repetitions: int, *sides: Callable[[], object], warm_up: bool = True) -> list[float]:
-    """Median seconds of each side, taken in turn so that a busy machine hurts them alike."""
+def append(path: Path, rows: Sequence[Mapping[str, Any]], command: str) -> None:
+    """Append rows to a CSV file with what made them: command, commit, machine, date and the machine's kind."""
+    known = provenance(code_state(), config_hash="")
+    made = {"command": command, **{key: known[key] for key in ("commit", "dirty", "machine", "date")}}
+    made["kind"] = machine_kind()
+    new = not path.exists()
+    with path.open("a", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [*rows[0], *made])
+        if new:
+            writer.writeheader()
+        writer.writerows({**row, **made} for row in rows)
+
+
+def interleaved(
+    repetitions: int,
+    *sides: Callable[[], object],
+    warm_up: bool = True,
+    clock: Callable[[], float] = time.perf_counter,
+) -> list[float]:
+    """Median seconds of each side, taken in turn so that a busy machine hurts them alike.
+
+    Args:
+        repetitions: The medians are over so many.
+        sides: What is timed.
+        warm_up: Whether each side runs once before it is timed.
+        clock: In seconds; `time.process_time` for those of all cores together, which other processes take no part in.
+    """
     taken: list[list[float]] = [[] for _ in sides]
     for repetition in range(0 if warm_up else 1, repetitions + 1):
         for side, seconds in zip(sides, taken, strict=True):
-            start = time.perf_counter()
+            start = clock()
             side()
             if repetition:
-                seconds.append(time.perf_counter() - start)
+                seconds.append(clock() - start)
     return [statistics.median(seconds) for seconds in taken]
 
 

@@ -1,7 +1,7 @@
 """Neural signed distance fields that know their parts: one shared SIREN trunk, one segmentation head, one CAD shape.
 
-Public functions: `load_shape`, `fit` and `load_field`. They are imported on first use, so that `import jointsdf` is
-fast and changes no setting of the process.
+Public functions: `load_shape`, `load_cloud`, `fit` and `load_field`. They are imported on first use, so that
+`import jointsdf` is fast and changes no setting of the process.
 """
 
 from importlib import import_module
@@ -13,9 +13,14 @@ from jointsdf.moved_names import install
 if TYPE_CHECKING:
     from jointsdf.api import FittedRun, fit, load_field, load_shape
     from jointsdf.errors import InputError
+    from jointsdf.shapes.clouds.sources import load_cloud
 
-__all__ = ["FittedRun", "InputError", "__version__", "fit", "load_field", "load_shape"]
-MODULES = {"FittedRun": "api", "fit": "api", "load_field": "api", "load_shape": "api", "InputError": "errors"}
+__all__ = ["FittedRun", "InputError", "__version__", "fit", "load_cloud", "load_field", "load_shape"]
+MODULES = {
+    **dict.fromkeys(("FittedRun", "fit", "load_field", "load_shape"), "api"),
+    "InputError": "errors",
+    "load_cloud": "shapes.clouds.sources",
+}
 
 try:
     __version__ = version("jointsdf")

@@ -27,6 +27,7 @@ from jointsdf.experiment import build
 from jointsdf.experiment.help import choices
 from jointsdf.experiment.process import process_settings
 from jointsdf.experiment.quoting import escape_interpolations, quote_override
+from jointsdf.experiment.result import primary_scores
 from jointsdf.experiment.run import Outcome, fit_shape
 from jointsdf.experiment.stopwatch import Stopwatch
 from jointsdf.model.field import JointField
@@ -36,7 +37,7 @@ from jointsdf.shapes.arrays import from_arrays
 from jointsdf.shapes.units import AUTO
 from jointsdf.threads import large_pieces
 from jointsdf.user_paths import expand_home
-from jointsdf.values import Shape
+from jointsdf.values import Scan, Shape, Subject
 from jointsdf.viewing.part_mesh import PartMesh, stored_mesh
 
 
@@ -47,7 +48,7 @@ class FittedRun:
     Attributes:
         field: The fitted field; `field.query(points)` in file units.
         mesh: The extracted mesh, file frame, one part id per face.
-        scores: Metrics of the primary protocol, by name, e.g. `cd_l1`; all protocols are in `row.scores`.
+        scores: Metrics of the primary protocol, by name, e.g. `cd_l1`, or of held-out points; all are in `row.scores`.
         row: The result row: scores, seconds, sizes, provenance.
         folder: The run folder; None where `out` was not given.
     """
@@ -114,7 +115,7 @@ def load_shape(
 
 
 def fit(
-    shape: Shape | str | Path,
+    shape: Subject | str | Path,
     *,
     recipe: str = "fast",
     head: str = "siren",
@@ -129,8 +130,8 @@ def fit(
     restored afterwards.
 
     Args:
-        shape: From `load_shape`, or its `source`.
-        recipe: `fast`, `points`, `paper` or `smoke`.
+        shape: From `load_shape` or `load_cloud`, or its `source`.
+        recipe: `fast`, `points`, `network`, `paper` or `smoke`.
         head: `relu`, `siren`, `hybrid`, `deep_skip`, or `none` for a field without parts.
         seed: Seed of initialisation and samples.
         out: A folder for the run's files, which is made; the same call resumes a stopped run, and returns a finished
@@ -145,20 +146,20 @@ def fit(
     cfg, escape = _compose(recipe, head, seed, overrides), escape_interpolations
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory()) if out is None else expand_home(str(out))).absolute()
-        cfg.shape = escape(shape.name if isinstance(shape, Shape) else str(shape))
+        cfg.shape = escape(shape.name if isinstance(shape, Shape | Scan) else str(shape))
         cfg.paths.outputs, cfg.paths.abc_missing = escape(str(folder)), "error"
         stack.enter_context(log_to_stderr(quiet))
         build.check_config(cfg)
         if cfg.reuse:
             raise InputError("reuse=true: the row of another study holds no field; leave it out")
-        truth = shape if isinstance(shape, Shape) else build.load_shape(cfg)
+        truth = shape if isinstance(shape, Shape | Scan) else build.load_shape(cfg)
         if cfg.head.name != "none":
             shapes.require_parts(truth)
         stack.enter_context(process_settings())
         stack.enter_context(large_pieces())
         outcome = _fit(cfg, truth, folder, keep_files=out is not None)
         field, mesh = _field_and_mesh(outcome, truth, folder)
-    scores = outcome.row.scores[cfg.evaluation.primary]
+    scores = primary_scores(cfg, outcome.row.scores)
     return FittedRun(field, mesh, scores, outcome.row, None if out is None else folder)
 
 
@@ -186,7 +187,7 @@ def _compose(recipe: str, head: str, seed: int, overrides: Sequence[str]) -> Dic
         raise InputError(f"{' '.join(overrides)}: {first_line(error)}") from error
 
 
-def _fit(cfg: DictConfig, shape: Shape, folder: Path, *, keep_files: bool) -> Outcome:
+def _fit(cfg: DictConfig, shape: Subject, folder: Path, *, keep_files: bool) -> Outcome:
     try:
         return fit_shape(cfg, shape, folder, Stopwatch(), keep_files=keep_files)
     except SystemExit as stop:  # raised by a signal during the fit
@@ -195,7 +196,7 @@ def _fit(cfg: DictConfig, shape: Shape, folder: Path, *, keep_files: bool) -> Ou
         raise
 
 
-def _field_and_mesh(outcome: Outcome, truth: Shape, folder: Path) -> tuple[JointField, PartMesh]:
+def _field_and_mesh(outcome: Outcome, truth: Subject, folder: Path) -> tuple[JointField, PartMesh]:
     """Field and mesh of the outcome, read from the folder where the run was finished before."""
     field = outcome.field or JointField.load(folder / FIELD)
     mesh = outcome.mesh or stored_mesh(folder, is_empty=outcome.row.status == "empty_mesh")

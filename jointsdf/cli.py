@@ -20,6 +20,8 @@ from jointsdf.errors import InputError
 from jointsdf.experiment import arguments, sweep
 from jointsdf.experiment import help as help_text
 from jointsdf.phases import phase
+from jointsdf.runs.row import score_of
+from jointsdf.runs.trusted_targets import trusted_names
 from jointsdf.user_paths import expand_home
 
 log = logging.getLogger("jointsdf")
@@ -38,7 +40,7 @@ def train(cfg: DictConfig) -> float | None:
         configure_logging()
         if HydraConfig.get().mode is RunMode.MULTIRUN:
             return sweep.run_one(cfg)
-        return run(cfg).scores[cfg.evaluation.primary]["cd_l1"]
+        return score_of(run(cfg), cfg.evaluation.primary, "cd_l1")
     return None
 
 
@@ -52,14 +54,15 @@ def measure_run(cfg: DictConfig) -> None:
         configure_logging()  # loggers that came with it as well
         if OmegaConf.is_missing(cfg, "run"):
             raise InputError("run= is missing; give a finished run's folder: run=outputs/fast/base/siren/part_01/seed0")
-        row, scores = measure_again(Path(expand_home(str(cfg.run))))
+        row, scores = measure_again(Path(expand_home(str(cfg.run))), trusted_names(cfg.trust))
         differing = 0
         for protocol, values in scores.items():
             for name, value in values.items():
-                stored = row.scores.get(protocol, {}).get(name, float("nan"))
-                same = stored == value or (stored != stored and value != value)
+                stored = row.scores.get(protocol, {}).get(name)
+                same = stored is None or stored == value or (stored != stored and value != value)
                 differing += not same
-                log.info("%-8s %-22s %12.6f%s", protocol, name, value, "" if same else f"   stored {stored:.6f}")
+                remark = "   not stored" if stored is None else "" if same else f"   stored {stored:.6f}"
+                log.info("%-8s %-22s %12.6f%s", protocol, name, value, remark)
         log.info("%s: %s", cfg.run, f"{differing} scores differ" if differing else "every score as stored")
 
 
@@ -104,8 +107,16 @@ def _arguments_read(read: Callable[[Sequence[str]], list[str]]) -> bool:
     """Put what the user typed into the words that Hydra accepts; False after an error, which is logged."""
     failed.clear()
     with user_errors(failed):
+        _require_working_directory()
         sys.argv[1:] = read(sys.argv[1:])
     return not failed
+
+
+def _require_working_directory() -> None:
+    try:
+        Path.cwd()
+    except FileNotFoundError as error:
+        raise InputError("the working directory is deleted: change to another one and run it again") from error
 
 
 def _asks_for_help() -> bool:

@@ -10,6 +10,10 @@ class InputError(ValueError):
     """An input cannot be used. The message is one line: the value, and the fix."""
 
 
+class DamagedFile(InputError):
+    """A file of a run or a study cannot be read, or holds what no run writes. The message begins with its path."""
+
+
 def first_line(error: BaseException) -> str:
     """First line of an error's message, to be quoted in a one-line message.
 
@@ -17,6 +21,19 @@ def first_line(error: BaseException) -> str:
     'KeyError'
     """
     return (str(error).strip() or type(error).__name__).splitlines()[0]
+
+
+def shown(value: object, most: int = 80) -> str:
+    r"""What a file holds, as part of a one-line message: shortened, and with escapes where a terminal would act on it.
+
+    >>> shown("os.system"), shown("abc", 2)
+    ('os.system', 'ab...')
+    >>> print(shown("\x1b[2J"))
+    '\x1b[2J'
+    """
+    text = str(value)
+    text = text if len(text) <= most else f"{text[:most]}..."
+    return text if text.isprintable() else ascii(text)
 
 
 def require_integer(key: str, value: object, least: int, most: int = MAX_INTEGER, *, word: object = None) -> None:

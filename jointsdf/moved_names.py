@@ -27,7 +27,7 @@ class MovedNames(importlib.abc.MetaPathFinder):
         target: ModuleType | None = None,  # noqa: ARG002
     ) -> ModuleSpec | None:
         """Spec of the alias; None for a name that is none."""
-        new = _current_name(fullname)
+        new = current_name(fullname)
         if new is None:
             return None
         spec = importlib.util.find_spec(new)
@@ -57,7 +57,12 @@ class _Alias(importlib.abc.Loader):
         module.__spec__ = self.spec
 
 
-def _current_name(fullname: str) -> str | None:
+def current_name(fullname: str) -> str | None:
+    """The name of today of something in a moved module; None where it has not moved.
+
+    >>> current_name("jointsdf.heads.siren.SirenHead")
+    'jointsdf.model.heads.siren.SirenHead'
+    """
     for old, new in MOVED.items():
         if fullname == old or fullname.startswith(f"{old}."):
             return new + fullname[len(old) :]

@@ -40,15 +40,19 @@ def large_pieces() -> Iterator[None]:
         _workers.pop()
 
 
-def pieces(points: Tensor) -> int:
+def pieces(points: Tensor, most: int | None = None) -> int:
     """Number of pieces to split the points into: a multiple of the threads where pieces are large enough; 1 on a GPU.
+
+    Args:
+        points: One row each.
+        most: Points of one piece; `MAX_PIECE_POINTS` by default.
 
     >>> pieces(torch.zeros(100, 3)), pieces(torch.zeros(0, 3))
     (1, 1)
     """
     if points.is_cuda or len(points) == 0:
         return 1
-    count = -(-len(points) // MAX_PIECE_POINTS)
+    count = -(-len(points) // (most or MAX_PIECE_POINTS))
     return max(count, min(-(-count // workers()) * workers(), len(points) // MIN_PIECE_POINTS))
 
 

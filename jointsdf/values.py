@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 from scipy.spatial import KDTree
 from torch import Tensor
@@ -127,7 +127,70 @@ class Shape:
     @property
     def labels_sha256(self) -> str:
         """Hash of the labels, whatever their source."""
-        return hashlib.sha256(np.ascontiguousarray(self.mesh.labels, dtype="<i8").tobytes()).hexdigest()
+        return hash_labels(self.mesh.labels)
+
+    @property
+    def part_ids(self) -> Int[ndarray, " k"]:
+        """Distinct labels, ascending, without -1."""
+        return self.mesh.part_ids
+
+    @property
+    def truth(self) -> "Shape":
+        """What a fit is scored against: the shape itself."""
+        return self
+
+
+@dataclass(frozen=True)
+class Scan:
+    """One point cloud with part labels, as loaded: the shape of a run where the points are all that is known.
+
+    Attributes:
+        name: `<stem>-<6 hex digits of the file's sha256>`. Names folders and rows.
+        points: Positions in the file frame.
+        normals: Unit normals, 0 where the file has none.
+        labels: Original part ids, -1 where unlabelled.
+        points_sha256: Hash of the file's bytes (of the arrays for a cloud in memory).
+        label_provider: Source of the labels, e.g. `file:scan.ply`, `none`.
+        truth: Mesh of the same part in the same frame, for scores alone; None where nobody has it.
+        colours: sRGB of the points, for pictures; None where the file has none.
+        unit: Of the file frame.
+        up: Axis of the file frame that points up.
+    """
+
+    name: str
+    points: Float[ndarray, "n 3"]
+    normals: Float[ndarray, "n 3"]
+    labels: Int[ndarray, " n"]
+    points_sha256: str
+    label_provider: str
+    truth: Shape | None = None
+    colours: UInt8[ndarray, "n 3"] | None = None
+    unit: Unit = ASSUMED_UNIT
+    up: str = "z"
+
+    @property
+    def labels_sha256(self) -> str:
+        """Hash of the labels, whatever their source."""
+        return hash_labels(self.labels)
+
+    @cached_property
+    def part_ids(self) -> Int[ndarray, " k"]:
+        """Distinct labels, ascending, without -1."""
+        ids = np.unique(self.labels)
+        return ids[ids != UNLABELLED]
+
+    @cached_property
+    def side(self) -> float:
+        """Longest side of the points' bounding box, file units."""
+        return float(np.ptp(self.points, axis=0).max())
+
+
+Subject = Shape | Scan  # what a run is fitted to
+
+
+def hash_labels(labels: Int[ndarray, " n"]) -> str:
+    """Hash of labels, the same on every machine."""
+    return hashlib.sha256(np.ascontiguousarray(labels, dtype="<i8").tobytes()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -157,6 +220,20 @@ class SurfaceSamples:
     def tree(self) -> KDTree:
         """Nearest-neighbour index of the points, built once for all metrics."""
         return KDTree(self.points)
+
+
+class LabelledPoints(NamedTuple):
+    """Points of the surface with their parts.
+
+    Attributes:
+        points: Network frame.
+        labels: Class index of each, -1 where unlabelled.
+        judges: The last so many are not learned from: they judge what was learned.
+    """
+
+    points: Float[ndarray, "n 3"]
+    labels: Int[ndarray, " n"]
+    judges: int = 0
 
 
 class Samples(NamedTuple):
@@ -196,12 +273,14 @@ class FieldValues:
         grad: Gradient of f, dimensionless.
         mixed: u^T H v in a random tangent frame (u, v) per point, 1 / network length.
         logits: Pre-softmax part scores.
+        hessian: H of f, symmetric, 1 / network length.
     """
 
     sdf: Float[Tensor, " n"]
     grad: Float[Tensor, "n 3"] | None = None
     mixed: Float[Tensor, " n"] | None = None
     logits: Float[Tensor, "n k"] | None = None
+    hessian: Float[Tensor, "n 3 3"] | None = None
 
 
 @dataclass(frozen=True)

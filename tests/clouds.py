@@ -5,8 +5,9 @@ import torch
 import trimesh
 
 from jointsdf.data.point_cloud import Cloud
+from jointsdf.data.sample_settings import SampleSettings
 from jointsdf.data.sampler import Counts, Sampler
-from jointsdf.data.samples import SampleSettings, draw_cloud, prepare_samples
+from jointsdf.data.samples import draw_cloud, prepare_samples
 from jointsdf.values import LabelledMesh, Samples, Shape
 
 COUNTS = Counts(manifold=300, non_manifold=200, shell=250, pool=150)

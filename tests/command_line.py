@@ -14,8 +14,10 @@ from functools import cache, partial
 from pathlib import Path
 from unittest import mock
 
-from jointsdf.experiment import result, tensorboard
+from jointsdf.experiment import result
+from jointsdf.viewing import points
 from jointsdf.viewing.render import render_comparison
+from jointsdf.viewing.slice import render_slice
 
 ROOT = Path(__file__).parents[1]
 FILES = {  # of a finished run's folder
@@ -66,6 +68,7 @@ def call(script: str, *arguments: object) -> Answer:
     written = io.StringIO()
     thumbnail = partial(render_comparison, width=96, height=72)  # pictures are most of a quick run's time
     handler = logging.StreamHandler(written)
+    coarse = partial(render_slice, raster=20)
     root, quieted, phases = (
         logging.getLogger(name) for name in (None, "jointsdf.extraction.extractor", "jointsdf.phases")
     )
@@ -80,8 +83,8 @@ def call(script: str, *arguments: object) -> Answer:
             stack.enter_context(contextlib.redirect_stdout(written))
             stack.enter_context(contextlib.redirect_stderr(written))
             stack.enter_context(warnings.catch_warnings())
-            for module in (tensorboard, result):
-                stack.enter_context(mock.patch.object(module, "render_comparison", thumbnail))
+            stack.enter_context(mock.patch.object(points, "render_comparison", thumbnail))
+            stack.enter_context(mock.patch.object(result, "render_slice", coarse))
             warnings.simplefilter("default")
             runpy.run_path(sys.argv[0], run_name="__main__")
     except SystemExit as stop:

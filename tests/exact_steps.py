@@ -7,7 +7,7 @@ import torch
 from analytic import box_distance, cylinder_distance, sphere_distance
 from torch import Tensor
 
-from jointsdf.model.derivatives import autograd_gradient, autograd_mixed, tangent_frame
+from jointsdf.model.derivatives import autograd_gradient, autograd_hessian, autograd_mixed, tangent_frame
 from jointsdf.values import FieldValues, Step
 
 Field = Callable[[Tensor], Tensor]
@@ -52,7 +52,8 @@ def exact_step(field: Field) -> Step:
         grad = autograd_gradient(field, points)
         angles = torch.linspace(0, 2 * math.pi, len(points), dtype=torch.float64)
         u, v = tangent_frame(torch.nn.functional.normalize(grad.detach(), dim=-1), angles)
-        return FieldValues(field(points), grad, autograd_mixed(field, points, u, v))
+        mixed, hessian = autograd_mixed(field, points, u, v), autograd_hessian(field, points)
+        return FieldValues(field(points), grad, mixed, hessian=hessian)
 
     surface, pool = onto(field, uniform(seed=1)), uniform(seed=2)
     fields = {

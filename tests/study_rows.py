@@ -81,7 +81,7 @@ def write(outputs: Path, *rows: ResultRow) -> None:
 
 def make_tables(outputs: Path, results: Path | None = None) -> list[Path]:
     results = results or outputs / "no-results"
-    return write_tables(load_rows(outputs, results), outputs, results)
+    return write_tables(load_rows(outputs, results)[0], outputs, results)
 
 
 def line(table: pd.DataFrame, head: str) -> pd.Series:

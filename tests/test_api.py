@@ -15,6 +15,7 @@ import pytest
 import torch
 import trimesh
 from command_line import QUICK
+from run_folders import row_of
 
 import jointsdf
 from jointsdf.shapes.builtin import BUILTINS
@@ -171,7 +172,7 @@ def test_what_is_no_shape_is_one_line(given, message) -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"recipe": "slow"}, "recipe=slow: accepted are fast, paper, points, smoke"),
+        ({"recipe": "slow"}, "recipe=slow: accepted are fast, network, paper, points, raw_points, scan, smoke"),
         ({"head": "relux"}, "head=relux: accepted are deep_skip, hybrid, none, relu, siren"),
         ({"seed": -1}, "seed=-1"),
         ({"overrides": ["trainer.steps=3"]}, "steps"),
@@ -219,8 +220,8 @@ def test_labels_of_the_overrides_count_for_a_shape_by_name() -> None:
 
 def test_a_finished_run_without_a_surface_is_given_back(tmp_path) -> None:
     flat = jointsdf.fit("part_01", recipe="smoke", quiet=True, out=tmp_path / "run", overrides=SHORT)
-    row = json.loads((tmp_path / "run" / "result.json").read_text())
-    (tmp_path / "run" / "result.json").write_text(json.dumps(row | {"status": "empty_mesh"}))
+    row = row_of(tmp_path / "run") | {"status": "empty_mesh"}
+    (tmp_path / "run" / "result.json").write_text(json.dumps(row))
     again = jointsdf.fit("part_01", recipe="smoke", quiet=True, out=tmp_path / "run", overrides=SHORT)
     assert again.mesh.is_empty
     assert torch.equal(again.field.trunk.output.weight, flat.field.trunk.output.weight)

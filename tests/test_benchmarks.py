@@ -10,11 +10,29 @@ import torch
 import trimesh
 
 from benchmarks import __main__ as command
-from benchmarks import extraction, fit, grids, limits, measures, overhead, progress, quality, signs, step, tracing
+from benchmarks import (
+    extraction,
+    fit,
+    grids,
+    limits,
+    measures,
+    overhead,
+    parts,
+    progress,
+    quality,
+    queries,
+    representations,
+    signs,
+    simplification,
+    step,
+    tracing,
+)
 from benchmarks.scene import composed
 from benchmarks.table import Row, interleaved, table
+from jointsdf.evaluation.protocol import GroundTruth, Protocol
 from jointsdf.experiment.run import run
 from jointsdf.geometry.distance import ExactDistance
+from jointsdf.metrics.surface_distance import SurfaceDistance
 from jointsdf.optimizers import ITERATIONS, orthogonalise
 from jointsdf.values import LabelledMesh
 
@@ -66,6 +84,17 @@ def test_the_fit_and_the_limits_give_rows_and_claim_nothing_of_smaller_ones(monk
     rows += limits.rows(faces=400, runs=40, most=2)
     assert {row.target for row in rows} == {None}
     assert rows[5].against == "allowed CPU seconds"
+
+
+def test_steps_and_refits_of_many_parts_are_compared_with_those_of_few():
+    assert len(np.unique(parts.ball_of_parts(parts.MANY).labels)) == parts.MANY
+    rows = parts.rows(repetitions=1, overrides=(*SMALL, *COUNTS, "trainer.refit=1", "data.part_points=400"))
+    assert [row.what.split(" parts")[0] for row in rows] == [
+        "step of fast, 200",
+        "refit of the last layer, 6",
+        "refit of the last layer, 200",
+    ]
+    assert all(row.ratio == pytest.approx(row.ours / row.theirs) and row.target is None for row in rows)
 
 
 def test_without_its_polynomials_a_step_is_not_orthogonal_and_with_them_it_is():
@@ -186,8 +215,57 @@ def test_a_grid_interpolates_a_linear_field_exactly_and_its_gradient_is_that_of_
     assert 0 < fine < coarse < 0.5
 
 
+def test_the_mesh_is_exact_and_the_grid_nearly_beside_a_field():
+    overrides = ["recipe=smoke", "trainer.max_steps=2", "extraction.resolution=24", "data.pool_size=500"]
+    found = representations.rows(["part_02"], 300, 48, overrides)
+    by_peer = {
+        peer: {row.what.removeprefix("part_02: field, "): row for row in found if row.against == peer}
+        for peer in ("mesh", "grid of 48^3")
+    }
+    mesh, grid = by_peer.values()
+    assert mesh.keys() == grid.keys()
+    assert len(mesh) == 8
+    assert max(mesh[column].theirs for column in representations.COLUMNS[::2]) < 1e-12
+    assert max(mesh[column].theirs for column in representations.COLUMNS[1::2]) < 1e-4
+    assert mesh["wrong parts"].theirs < 0.02 < 0.1 < mesh["wrong parts"].ours
+    assert 0 < grid["sdf_relative_mean"].theirs < 0.1 < grid["sdf_relative_mean"].ours
+    assert grid["kilobytes"].theirs == 5 * 48**3 / 1000
+    assert {row.ours for row in found if "kilobytes" in row.what} == {mesh["kilobytes"].ours}
+
+
 def test_tracing_gives_rows_of_a_fitted_field():
     overrides = ["recipe=smoke", "trainer.max_steps=2", "extraction.resolution=24", "data.pool_size=500"]
     found = tracing.rows(["part_02"], 200, overrides)
     assert len(found) == 3
     assert all(row.target is None for row in found)
+
+
+def test_queries_are_compared_with_their_products_and_nothing_is_claimed_of_few_points():
+    rows = queries.rows(points=700, repetitions=1)
+    assert [row.against.partition(",")[0] for row in rows] == [
+        "matrix products alone",
+        "matrix products alone",
+        "sines and cosines alone",
+        "the training's pass",
+    ] * 3
+    assert all(row.ratio == pytest.approx(row.theirs / row.ours) and row.target is None for row in rows)
+    assert queries.claimed(rows[0].against, queries.LARGE)
+    assert not queries.claimed(rows[2].against, queries.LARGE)
+
+
+def test_the_products_of_a_query_are_one_pass_for_the_value_and_one_for_the_gradient(small_field):
+    field = small_field("siren")
+    value = 2 * (3 * 16 + 2 * 16 * 16 + 16)
+    gradient = 2 * (3 * 16 + 2 * 16 * 16)
+    head = 2 * (19 * 16 + 16 * 8 + 8 * 4)
+    counted = [queries.flop(queries.product_shapes(field, what)) for what in queries.KINDS.values()]
+    assert counted == [value, value + gradient, value + gradient + head]
+
+
+def test_simplification_leaves_fewer_faces_at_the_same_distance():
+    box = trimesh.creation.box().subdivide().subdivide()
+    mesh = LabelledMesh(np.array(box.vertices), np.array(box.faces), np.zeros(len(box.faces), dtype=np.int64))
+    protocols = {"unit": Protocol("unit", 500, "truth", {"surface_distance": SurfaceDistance()})}
+    faces, distance, _ = simplification.simplified("box", mesh, GroundTruth(mesh, protocols), 1e-4, 1.0)
+    assert (faces.ours, faces.theirs) == (12, 192)
+    assert max(distance.ours, distance.theirs) < 1e-6

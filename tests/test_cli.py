@@ -2,10 +2,12 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 from command_line import PLACE, QUICK, call
+from run_folders import own_copy
 
 import jointsdf
 from jointsdf.cli import main
@@ -40,7 +42,7 @@ def test_the_help_of_a_run_has_the_yamls_comments_and_choices() -> None:
         "a catalogue name (abc_0001..abc_0050, part_01..part_50) or a path",
         "true: throw away what the run's folder holds",
         "deep_skip | hybrid | none | relu | siren*",
-        "fast* | paper | points | smoke",
+        "fast* | network | paper | points | raw_points | scan | smoke",
         "paths.outputs=outputs",
     ):
         assert said in text
@@ -48,9 +50,9 @@ def test_the_help_of_a_run_has_the_yamls_comments_and_choices() -> None:
     assert "_target_" not in text
 
 
-def test_the_help_of_evaluate_lists_its_own_key_alone() -> None:
+def test_the_help_of_evaluate_lists_its_own_keys_alone() -> None:
     lines = call("evaluate.py", "--help").lines
-    assert [line.split("=")[0].strip() for line in lines if "=" in line and line.startswith("  ")] == ["run"]
+    assert [line.split("=")[0].strip() for line in lines if "=" in line and line.startswith("  ")] == ["run", "trust"]
 
 
 def test_fit_is_train_py_and_evaluate_measures_it_again(tmp_path, monkeypatch) -> None:
@@ -71,3 +73,14 @@ def test_a_mistake_is_no_traceback(words: list[str], tmp_path, monkeypatch) -> N
     assert done.returncode != 0
     assert "Traceback" not in done.stderr + done.stdout
     assert list(tmp_path.iterdir()) == []
+
+
+def test_evaluate_names_files_that_are_not_those_of_the_run(tmp_path: Path) -> None:
+    folder = own_copy(tmp_path)
+    with (folder / "mesh.ply").open("ab") as file:
+        file.write(b"\n")
+    again = call("evaluate.py", f"run={folder}")
+    assert again.code == 0, again.text
+    warned = [line for line in again.lines if "changed since the run ended" in line]
+    assert warned == [f"{folder / 'mesh.ply'}: changed since the run ended: its checksum is that of another file"]
+    assert "every score as stored" in again.lines[-1]

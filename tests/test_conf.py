@@ -12,8 +12,8 @@ from hydra.utils import get_object
 from omegaconf import DictConfig, OmegaConf
 
 from jointsdf.data.datamodule import ShapeDataModule
+from jointsdf.data.sample_settings import SampleSettings
 from jointsdf.data.sampler import Counts
-from jointsdf.data.samples import SampleSettings
 from jointsdf.experiment import build
 from jointsdf.experiment.settings import resolve_settings
 from jointsdf.extraction.resolution import cell_size
@@ -75,7 +75,9 @@ def test_every_choice_composes_and_every_component_takes_its_keys(choice: str) -
     for node in found:
         given = {key: value for key, value in node.items() if not key.startswith("_")}
         bind(get_object(node["_target_"]), given, partial=bool(node.get("_partial_")))
-    bind(SirenTrunk, settings["trunk"])
+    trunk = settings["trunk"]
+    assert (trunk.pop("far"), trunk.pop("far_resolution")) in (("none", 64), ("grid", 64))  # of `JointField`
+    bind(SirenTrunk, trunk)
     head = settings["head"]
     bind(HEADS[head.pop("name")], head, 259, 4)
     data = settings["data"]
@@ -132,7 +134,8 @@ def test_defaults() -> None:
         "auto",
     )
     assert plain(cfg.trunk) == {
-        "width": 256, "depth": 5, "omega": 30.0, "hidden_omega": 30.0, "tap": 3, "init": "siren"
+        "width": 256, "depth": 5, "omega": 30.0, "hidden_omega": 30.0, "tap": 4, "init": "siren",
+        "far": "grid", "far_resolution": 64,
     }  # fmt: skip
     assert cfg.data.cloud_size == 30_000
     assert (cfg.extraction.resolution, cfg.extraction.method) == ("auto", "sparse")
@@ -148,7 +151,8 @@ def test_recipe_paper_is_the_papers_training() -> None:
     assert (counts.manifold, counts.non_manifold, counts.shell) == (20_000, 20_000, 20_000)
     assert (counts.balanced, counts.shell_offset) == (0, 0)
     assert (cfg.data.cloud_size, cfg.data.label_fraction) == (30_000, 1)
-    assert cfg.trunk.hidden_omega == 1
+    assert (cfg.data.part_points, counts.per_part, cfg.trainer.refit) == (0, 0, 0)
+    assert (cfg.trunk.hidden_omega, cfg.trunk.tap) == (1, 3)
     assert plain(cfg.loss) == plain(config("loss=paper").loss)
     assert cfg.extraction.resolution == 256
 
@@ -203,24 +207,35 @@ def test_loss_mesh_is_distances_and_normals_in_place_of_what_points_need() -> No
     assert loss["schedules"] == joint["schedules"]
 
 
-def test_loss_mesh_has_distances_and_gradients_far_away_beside_those_near() -> None:
+def test_loss_mesh_has_a_wider_band_and_the_grid_far_away() -> None:
     loss, near = plain(config("loss=mesh").loss), plain(config("loss=mesh_near").loss)
+    assert (loss["terms"]["signed_distance"].pop("band"), near["terms"]["signed_distance"].pop("band")) == (0.03, 0.01)
+    assert loss == near
+    assert [config(f"recipe={name}").trunk.far for name in ("fast", "points", "network", "paper")] == [
+        *("grid", "grid"),
+        *("none", "none"),
+    ]
+
+
+def test_loss_mesh_far_has_distances_and_gradients_far_away_beside_those_near() -> None:
+    loss, near = plain(config("loss=mesh_far").loss), plain(config("loss=mesh_near").loss)
     assert loss["terms"].pop("far_distance") == {"_target_": "jointsdf.losses.far_distance.FarDistance", "band": 0.1}
     assert loss["terms"].pop("far_gradients") == {"_target_": "jointsdf.losses.far_gradients.FarGradients"}
     assert (loss["weights"].pop("far_distance"), loss["weights"].pop("far_gradients")) == (3500, 100)
     assert loss == near
-    assert (config().data.counts.far, config("recipe=points").data.counts.far) == (500, 0)
+    assert (config().data.counts.far, config("recipe=network").data.counts.far) == (0, 500)
 
 
 def test_points_takes_nothing_from_the_mesh_but_points_and_labels() -> None:
     cfg = config("recipe=points")
     assert cfg.data.distances == "cloud"
-    assert (cfg.data.border_points, cfg.data.region_points) == (0, 0)
-    assert (cfg.data.counts.borders, cfg.data.counts.regions) == (0, 0)
+    assert (cfg.data.border_points, cfg.data.region_points, cfg.data.crease_points) == (0, 0, 0)
+    assert (cfg.data.counts.borders, cfg.data.counts.regions, cfg.data.counts.creases) == (0, 0, 0)
 
 
 @pytest.mark.parametrize(
-    ("recipe", "loss"), [("fast", "mesh"), ("points", "mesh_near loss.weights.eikonal=50"), ("smoke", "joint")]
+    ("recipe", "loss"),
+    [("fast", "mesh"), ("points", "mesh_near loss.weights.eikonal=50"), ("network", "mesh_far"), ("smoke", "joint")],
 )
 def test_small_recipes_use_the_loss_of_what_they_know(recipe: str, loss: str) -> None:
     found, named = (plain(config(*overrides.split()).loss) for overrides in (f"recipe={recipe}", f"loss={loss}"))

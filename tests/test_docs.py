@@ -54,6 +54,27 @@ def test_files_of_the_project_are_named_as_they_are(document: Path) -> None:
     assert not missing
 
 
+def test_the_licences_are_of_the_locked_packages() -> None:
+    """`make lock` writes both."""
+    script = runpy.run_path(str(ROOT / "docs" / "licences.py"))
+    text = (ROOT / "docs" / "licences.md").read_text(encoding="utf-8")
+    named = dict(re.findall(r"^\| ([a-z\d-]+) \| (\S+) \|", text, re.MULTILINE))
+    assert named.pop("torch")
+    assert named.pop("package") == "version"
+    assert named == script["locked"]()
+    for name in ("requirements.lock", "requirements-peers.lock"):
+        lock = (ROOT / name).read_text(encoding="utf-8")
+        assert all("--hash=sha256:" in entry for entry in re.split(r"\n(?=\w)", lock))
+
+
+def test_the_lock_of_the_peers_adds_to_the_other_and_changes_nothing() -> None:
+    script = runpy.run_path(str(ROOT / "docs" / "licences.py"))
+    base, more = (script["locked"](ROOT / name) for name in ("requirements.lock", "requirements-peers.lock"))
+    assert {"open3d", "pymeshlab", "pymaxflow", "libusb-package"} <= more.keys()
+    assert not base.keys() & more.keys()
+    assert "torch" not in more
+
+
 def test_the_package_graph_is_that_of_the_imports() -> None:
     """`make docs` draws it anew."""
     script = runpy.run_path(str(ROOT / "docs" / "package_graph.py"))

@@ -49,10 +49,10 @@ def _fit_planes(offsets: Float[ndarray, "n k 3"]) -> tuple[Float[ndarray, "n 3"]
     width = PLANE_WIDTH * np.linalg.norm(offsets, axis=2)[:, -1:]
     normals = _choose_by_consensus(offsets, FIRST_WIDTH * width)
     for factor in np.geomspace(FIRST_WIDTH, 1, ROUNDS):
-        weights = _geman_mcclure_weight(np.einsum("nki,ni->nk", offsets, normals), factor * width)
+        weights = geman_mcclure_weight(np.einsum("nki,ni->nk", offsets, normals), factor * width)
         spread, axes = np.linalg.eigh(np.einsum("nk,nki,nkj->nij", weights, offsets, offsets, optimize=True))
         normals = axes[:, :, 0]
-    weights = _geman_mcclure_weight(np.einsum("nki,ni->nk", offsets, normals), width)
+    weights = geman_mcclure_weight(np.einsum("nki,ni->nk", offsets, normals), width)
     return normals, (weights.mean(axis=1) > LEAST_WEIGHT) & (spread[:, 1] > LEAST_SPREAD * spread[:, 2])
 
 
@@ -65,10 +65,10 @@ def _choose_by_consensus(offsets: Float[ndarray, "n k 3"], width: Float[ndarray,
     wide = sizes[..., 0] > LEAST_SINE * lengths[:, one] * lengths[:, other]
     candidates = np.divide(across, sizes, out=np.zeros_like(across), where=sizes > 0)
     heights = offsets @ candidates.transpose(0, 2, 1)
-    votes = _geman_mcclure_weight(heights, width[:, None]).sum(axis=1) * wide
+    votes = geman_mcclure_weight(heights, width[:, None]).sum(axis=1) * wide
     return candidates[np.arange(len(offsets)), votes.argmax(axis=1)]
 
 
-def _geman_mcclure_weight(heights: Float[ndarray, "*s"], width: Float[ndarray, "*t"]) -> Float[ndarray, "*s"]:
+def geman_mcclure_weight(heights: Float[ndarray, "*s"], width: Float[ndarray, "*t"]) -> Float[ndarray, "*s"]:
     """Geman-McClure weight (1987), 1 / (1 + (height / width)^2)^2: 1 in a plane, falling to 0 beyond its width."""
     return np.asarray(1 / (1 + (heights / np.maximum(width, TINY)) ** 2) ** 2)

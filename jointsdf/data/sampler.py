@@ -10,10 +10,12 @@ from numpy.random import Generator
 from scipy.spatial import KDTree
 from torch import Tensor
 
-from jointsdf.data.point_cloud import STEPS, Cloud, stream
+from jointsdf.data.point_cloud import Cloud
+from jointsdf.data.streams import STEPS, stream
 from jointsdf.errors import InputError, require_integer, require_number
 from jointsdf.values import BOX, Samples
 
+STRETCH = 10  # steps on end in which every part gets its points
 SHELL_NEIGHBOUR = 51  # width of the noise: distance to this neighbour, as in the released FlatCAD code
 
 
@@ -28,7 +30,10 @@ class Counts:
         pool: With known signed distance.
         far: Away from the surface, with known gradient of the distance.
         balanced: Share of the manifold points drawn equally from every part.
+        per_part: Least number of labelled points of every part in any ten steps on end. The balanced share is dealt to
+            the parts in turn and grows with their number, as far as the other shares leave room; 0: drawn at random.
         regions: Share of them drawn from the points spread over the smooth regions, where the cloud has such points.
+        creases: Share of them drawn beside creases, where the cloud has such points.
         borders: Share of them drawn near part borders, where the cloud has such points; the rest is uniform.
         shell_offset: Shell points are also moved along their normal, where it is known, by U(-offset, offset), one draw
             per point, network length units.
@@ -40,7 +45,9 @@ class Counts:
     pool: int
     far: int = 0
     balanced: float = 0.0
+    per_part: int = 0
     regions: float = 0.0
+    creases: float = 0.0
     borders: float = 0.0
     shell_offset: float = 0.0
 
@@ -52,14 +59,27 @@ class Counts:
         """
         for name in ("manifold", "non_manifold", "shell", "pool"):
             require_integer(f"data.counts.{name}", getattr(self, name), 1)
-        require_integer("data.counts.far", self.far, 0)
-        shares = {name: getattr(self, name) for name in ("balanced", "regions", "borders")}
+        for name in ("far", "per_part"):
+            require_integer(f"data.counts.{name}", getattr(self, name), 0)
+        shares = {name: getattr(self, name) for name in ("balanced", "regions", "creases", "borders")}
         for name, share in shares.items():
             require_number(f"data.counts.{name}", share, 0, 1)
         if sum(shares.values()) > 1:
             given = " ".join(f"{name}={share}" for name, share in shares.items())
             raise InputError(f"data.counts.{given}: together they must not exceed 1")
         require_number("data.counts.shell_offset", self.shell_offset, 0, 1)
+
+    def of_parts(self, parts: int) -> int:
+        """Manifold points of a step that are balanced over so many parts.
+
+        >>> counts = Counts(1000, 1, 1, 1, balanced=0.25, regions=0.25, creases=0.1, borders=0.15, per_part=24)
+        >>> counts.of_parts(33), counts.of_parts(200), counts.of_parts(900)
+        (250, 480, 500)
+        """
+        if parts == 0:
+            return 0
+        room = self.manifold - sum(round(self.manifold * share) for share in (self.regions, self.creases, self.borders))
+        return max(round(self.manifold * self.balanced), min(-(-self.per_part * parts // STRETCH), room))
 
 
 class Sampler:
@@ -90,10 +110,12 @@ class Sampler:
         neighbours = min(SHELL_NEIGHBOUR, cloud.uniform - 1)
         uniform = cloud.points[: cloud.uniform]
         self.shell_widths = KDTree(uniform).query(uniform, [neighbours + 1], workers=-1)[0]
-        labels = cloud.labels[: cloud.uniform]
-        self.by_class = np.argsort(labels, kind="stable")
+        among = cloud.part_points if cloud.of_parts else slice(cloud.uniform)
+        labels = cloud.labels[among]
+        self.by_class = among.indices(len(cloud.points))[0] + np.argsort(labels, kind="stable")
         self.class_sizes = np.bincount(labels[labels >= 0], minlength=len(cloud.part_ids))
         self.class_starts = np.cumsum(self.class_sizes) - self.class_sizes + (labels < 0).sum()
+        self.present = np.flatnonzero(self.class_sizes)
 
     def draw(self, step: int) -> Samples:
         """Draw the points of one step.
@@ -102,7 +124,7 @@ class Sampler:
             step: Counted from 0.
         """
         generator, cloud, counts = stream(self.seed, STEPS, step), self.cloud, self.counts
-        manifold = self._draw_manifold(generator)
+        manifold = self._draw_manifold(generator, step)
         around = generator.integers(cloud.uniform, size=counts.shell)
         shell = cloud.points[around] + self.shell_widths[around] * generator.standard_normal((counts.shell, 3))
         if counts.shell_offset:
@@ -125,22 +147,33 @@ class Sampler:
             far_gradients=_to_float32(self.pool_gradients[far]),
         )
 
-    def _draw_manifold(self, generator: Generator) -> Int[ndarray, " m"]:
-        """Indices into the cloud: shares balanced over parts, over regions and near borders, the rest uniform."""
+    def _draw_manifold(self, generator: Generator, step: int) -> Int[ndarray, " m"]:
+        """Indices into the cloud: shares balanced over parts, over regions, beside creases, near borders; uniform."""
         counts, cloud = self.counts, self.cloud
         indices = generator.integers(cloud.uniform, size=counts.manifold)
-        present = np.flatnonzero(self.class_sizes)
-        balanced = round(counts.manifold * counts.balanced) if len(present) else 0
+        parts = len(self.present)
+        balanced = counts.of_parts(parts)
         if balanced:
-            chosen = present[generator.integers(len(present), size=balanced)]
+            if counts.per_part:  # in turn, where the step before ended
+                turn = (step * balanced + np.arange(balanced)) % parts
+            else:
+                turn = generator.integers(parts, size=balanced)
+            chosen = self.present[turn]
             within = (generator.random(balanced) * self.class_sizes[chosen]).astype(np.int64)
             indices[:balanced] = self.by_class[self.class_starts[chosen] + within]
-        regional, end = round(counts.manifold * counts.regions), cloud.uniform + cloud.regional
-        if regional and cloud.regional:
-            indices[balanced : balanced + regional] = generator.integers(cloud.uniform, end, size=regional)
-        bordering = round(counts.manifold * counts.borders) if len(cloud.points) > end else 0
+        begin = balanced
+        for share, first, number in (
+            (counts.regions, cloud.uniform, cloud.regional),
+            (counts.creases, cloud.uniform + cloud.regional, cloud.creased),
+        ):
+            if number:
+                size = min(round(counts.manifold * share), counts.manifold - begin)
+                indices[begin : begin + size] = generator.integers(first, first + number, size=size)
+                begin += size
+        near = cloud.border_points
+        bordering = round(counts.manifold * counts.borders) if near.stop > near.start else 0
         if bordering:
-            indices[-bordering:] = generator.integers(end, len(cloud.points), size=bordering)
+            indices[-bordering:] = generator.integers(near.start, near.stop, size=bordering)
         return indices
 
 

@@ -11,6 +11,7 @@ from numpy import ndarray
 from jointsdf.data.free_space import FreeSpace
 from jointsdf.data.local_planes import TINY, fit_planes
 from jointsdf.data.orientation import orient_planes
+from jointsdf.geometry.cloud_statistics import eccentricity
 
 NEIGHBOURS = 24  # of a point, among which its plane, and what stands between it and free space, are looked for
 DISC_NEIGHBOUR = 4  # the distance to this neighbour is the disc's radius
@@ -20,7 +21,7 @@ LEAST_ORIENTED = 4  # of the nearest discs that must have a normal for a vote
 LEAST_FACING = 2  # of them that must face as the nearest does
 OPPOSED = -0.9  # cosine to the nearest disc's normal below which another is the far side of a wall or gap
 SURROUNDING = 16  # nearest points, which lie on all sides of a place over the surface
-LARGEST_ECCENTRICITY = 0.5  # of a place among these, from which it is beyond a rim: see `_eccentricity`
+LARGEST_ECCENTRICITY = 0.5  # of a place among these, from which it is beyond a rim: see `cloud_statistics.eccentricity`
 
 
 class Surfels:
@@ -28,6 +29,7 @@ class Surfels:
 
     Args:
         points: The cloud, area-uniform, network frame, inside the training box.
+        planes: Unit normals of either sign, where they are known (`denoising.py`); None: found from the points.
 
     Attributes:
         points: As given.
@@ -36,11 +38,14 @@ class Surfels:
         radii: Of the discs, network length units: the distance to the fourth neighbour.
     """
 
-    def __init__(self, points: Float[ndarray, "n 3"]) -> None:
+    def __init__(self, points: Float[ndarray, "n 3"], planes: Float[ndarray, "n 3"] | None = None) -> None:
         self.points, self.space = points, FreeSpace(points)
         distances, neighbours = self.space.tree.query(points, min(NEIGHBOURS, len(points) - 1) + 1, workers=-1)
         neighbours = neighbours[:, 1:]  # without the point itself
-        normals, found = fit_planes(points[neighbours] - points[:, None])
+        if planes is None:
+            normals, found = fit_planes(points[neighbours] - points[:, None])
+        else:
+            normals, found = planes, np.ones(len(points), dtype=bool)
         self.normals = orient_planes(points, self.space, normals, found, neighbours)[:, None] * normals
         self.radii = distances[:, min(DISC_NEIGHBOUR, len(points) - 1)]
 
@@ -90,7 +95,7 @@ class Surfels:
         """Sign of each place by the planes around it, or else by an empty ball away from the surface; 0 in doubt."""
         around = self.space.tree.query(points, min(SURROUNDING, len(self.points)), workers=-1)[1]
         offsets = self.points[around] - points[:, None]
-        amid = _eccentricity(offsets, first) < LARGEST_ECCENTRICITY
+        amid = eccentricity(offsets, first) < LARGEST_ECCENTRICITY
         signs = amid * _vote_by_planes(heights, normals, first)
         for away in (-offsets[:, 0], -offsets.mean(axis=1)):
             left = np.flatnonzero(signs == 0)
@@ -108,10 +113,3 @@ def _vote_by_planes(
     votes, voters = (np.sign(heights) * facing).sum(axis=1), facing.sum(axis=1)
     clear = (oriented.sum(axis=1) >= LEAST_ORIENTED) & (voters >= LEAST_FACING) & (np.abs(votes) == voters)
     return np.where(clear, np.sign(votes), 0)
-
-
-def _eccentricity(offsets: Float[ndarray, "n k 3"], normals: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
-    """Distance of the centroid of points over their mean distance, seen along a normal: 0 amid them, 1 far away."""
-    flat = offsets - np.einsum("nki,ni->nk", offsets, normals)[..., None] * normals[:, None]
-    mean_distance = np.linalg.norm(flat, axis=2).mean(axis=1)
-    return np.asarray(np.linalg.norm(flat.mean(axis=1), axis=1) / np.maximum(mean_distance, TINY))

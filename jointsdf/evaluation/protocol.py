@@ -92,6 +92,8 @@ class GroundTruth:
     def references(self, ceiling: LabelledMesh | None) -> Scores:
         """Reference scores of every protocol, independent of a prediction: `<key>_floor` and `<key>_ceiling`.
 
+        The reference of a count `<key>_pred` is `<key>_ceiling`, beside `<key>_gt`.
+
         The floor is the score of the ground truth against itself, sampled twice; the ceiling that of `ceiling`.
 
         Args:
@@ -131,7 +133,7 @@ class GroundTruth:
             if keys:
                 nothing = dict.fromkeys(keys, math.nan)
                 values = nothing if samples is None else metric(samples, self.samples[protocol])
-                columns |= {f"{key}_{kind}": values[key] for key in keys}
+                columns |= {f"{key.removesuffix('_pred')}_{kind}": values[key] for key in keys}
         return columns
 
     def _sample(self, protocol: Protocol, mesh: LabelledMesh, seed: int) -> SurfaceSamples:

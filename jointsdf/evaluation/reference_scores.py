@@ -1,20 +1,26 @@
 """Reference scores (sampling floor, grid ceiling), cached per shape and grid."""
 
 import json
+import logging
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 
+from jointsdf.errors import first_line
 from jointsdf.evaluation.protocol import GroundTruth, Scores
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.geometry.distance import network_distance
 from jointsdf.runs.files import write_atomically
 from jointsdf.runs.provenance import code_state
 from jointsdf.runs.row import config_hash
+from jointsdf.runs.row_content import read_scores
+from jointsdf.runs.stored_json import read_regular
 from jointsdf.values import LabelledMesh, Normalisation, Shape
 
 CHUNK = 1 << 18  # points per query of the exact distance: libigl builds a search tree in every call
 LIBRARIES = ("numpy", "scipy", "libigl", "scikit-image")
+
+log = logging.getLogger(__name__)
 
 
 def reference_scores(
@@ -41,17 +47,27 @@ def reference_scores(
         "code": [code_state().sha256, *map(metadata.version, LIBRARIES)],
     }
     path = cache_dir / f"{config_hash(facts)}.json"
-    if path.is_file():
-        cached: Scores = json.loads(path.read_text(encoding="utf-8"))
+    if (cached := _read(path)) is not None and cached.keys() == truth.protocols.keys():
         return cached
     found = truth.references(ceiling_mesh(shape, extraction, normalisation))
     write_atomically(path, json.dumps(found))
     return found
 
 
+def _read(path: Path) -> Scores | None:
+    """Scores of an earlier run; None where there are none, or the file is damaged."""
+    try:
+        return read_scores(json.loads(read_regular(path)))
+    except FileNotFoundError:
+        return None
+    except (ValueError, OSError, RecursionError) as error:
+        log.warning("%s: damaged (%s); measured again", path, first_line(error))
+        return None
+
+
 def ceiling_mesh(shape: Shape, extraction: Extraction, normalisation: Normalisation) -> LabelledMesh:
     """Extract the exact distance on the prediction's grid, with the label of the closest true face; file frame."""
     exact = network_distance(shape, normalisation)
     return replace(extraction, chunk=CHUNK).labelled_mesh(
-        exact.signed, lambda points: shape.mesh.labels[exact.closest_face(points)], normalisation
+        exact.signed, lambda points: shape.mesh.labels[exact.closest_face(points)], normalisation, exact.one_sided
     )

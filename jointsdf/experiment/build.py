@@ -1,6 +1,6 @@
 """Objects of one run from its config, checked before anything is written."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,18 +12,21 @@ from omegaconf import DictConfig, OmegaConf
 
 from jointsdf.data.datamodule import ShapeDataModule
 from jointsdf.data.point_cloud import Cloud
-from jointsdf.data.sampler import Counts
-from jointsdf.data.samples import SampleSettings, draw_cloud, prepare_samples
+from jointsdf.data.samples import draw_cloud, labelled_points, prepare_samples
+from jointsdf.data.scan_points import require_mesh
 from jointsdf.errors import require_integer, require_number
 from jointsdf.evaluation.protocol import Protocol
 from jointsdf.experiment.config_checks import check_settings, number_keys
+from jointsdf.experiment.data_settings import counts, sample_settings
 from jointsdf.experiment.settings import resolve, settings_errors
 from jointsdf.experiment.tensorboard import preview_settings
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.extraction.resolution import LADDER, resolution_for
 from jointsdf.geometry.mesh import relative_area
 from jointsdf.model.field import JointField
+from jointsdf.shapes.clouds.report import CloudReport, cloud_report
 from jointsdf.shapes.loading import LabelRequest
+from jointsdf.shapes.mesh_report import MeshReport, mesh_report
 from jointsdf.shapes.readers.step import Tessellation
 from jointsdf.shapes.stored import load_configured
 from jointsdf.shapes.units import choose_unit
@@ -32,8 +35,9 @@ from jointsdf.training.matrix_products import CHOICES, Products
 from jointsdf.training.module import JointSDFModule
 from jointsdf.training.random_state import seeded
 from jointsdf.training.settings import FitSettings, Objective
-from jointsdf.values import ASSUMED_UNIT, UNMOVED, Normalisation, Shape
+from jointsdf.values import ASSUMED_UNIT, UNMOVED, LabelledPoints, Normalisation, Scan, Subject
 
+FIT_KEYS = ("max_steps", "head_lr", "clip", "cosine", "warmup", "log_every", "refit")
 STAND_IN_PARTS = np.arange(2)  # part ids of a field that is built for its checks alone
 
 
@@ -77,12 +81,17 @@ def check_config(cfg: DictConfig) -> None:
     measures(cfg, LADDER[0] if cfg.extraction.resolution == "auto" else cfg.extraction.resolution)
 
 
-def load_shape(cfg: DictConfig) -> Shape:
-    """Load the ground truth that the config names."""
+def load_shape(cfg: DictConfig) -> Subject:
+    """Load the mesh or the point cloud that the config names."""
     return load_configured(resolve(cfg))
 
 
-def trunk_rate(cfg: DictConfig, shape: Shape, cloud: Callable[[], Cloud]) -> float:
+def report_on(shape: Subject) -> MeshReport | CloudReport:
+    """Measure what is fitted, before the fit."""
+    return cloud_report(shape) if isinstance(shape, Scan) else mesh_report(shape)
+
+
+def trunk_rate(cfg: DictConfig, shape: Subject, cloud: Callable[[], Cloud]) -> float:
     """Factor on the trunk's learning rates, below 1 on large surfaces, where the points of a step are sparser.
 
     Args:
@@ -93,23 +102,24 @@ def trunk_rate(cfg: DictConfig, shape: Shape, cloud: Callable[[], Cloud]) -> flo
     full_rate_area = cfg.trainer.full_rate_area
     if full_rate_area is None:
         return 1.0
-    area = relative_area(shape.mesh) if knows_mesh(cfg) else cloud().relative_area()
+    area = relative_area(require_mesh(shape).mesh) if knows_mesh(cfg) else cloud().relative_area()
     return min(1.0, full_rate_area / area)
 
 
-def first_resolution(cfg: DictConfig, wall: float) -> int:
-    """Initial grid of the extraction: as configured, else from the thinnest wall, else the coarsest.
+def first_resolution(cfg: DictConfig, wall: float, parts: Iterable[float] = ()) -> int:
+    """Initial grid of the extraction: as configured, else from the thinnest wall and part, else the coarsest.
 
     Args:
         cfg: The composed config.
         wall: Thickness of the ground truth's thinnest wall, network length units; used where the run knows the mesh.
+        parts: Width of each of its parts, network length units; the same.
 
     Returns:
         Grid points along each axis.
     """
     if cfg.extraction.resolution != "auto":
         return int(cfg.extraction.resolution)
-    return resolution_for(wall) if knows_mesh(cfg) else LADDER[0]
+    return resolution_for(wall, parts) if knows_mesh(cfg) else LADDER[0]
 
 
 def knows_mesh(cfg: DictConfig) -> bool:
@@ -133,31 +143,19 @@ def measures(cfg: DictConfig, resolution: int) -> Measures:
         return Measures(extraction, instantiate(cfg.evaluation.protocols, _convert_="all"))
 
 
-def counts(cfg: DictConfig) -> Counts:
-    """Numbers of points of one step."""
-    return Counts(**resolve(cfg.data.counts))
-
-
-def sample_settings(cfg: DictConfig) -> SampleSettings:
-    """Settings of cloud and pool; no pool where no term uses it.
-
-    Raises:
-        InputError: A value out of range.
-    """
-    settings = {key: value for key, value in resolve(cfg.data).items() if key not in ("counts", "workers")}
-    if cfg.loss.weights.get("signed_distance", 0) == 0:
-        settings["pool_size"] = 0
-    else:
-        require_integer("data.pool_size", cfg.data.pool_size, 1)  # a mean over no points is not finite
-    return SampleSettings(**settings)
-
-
-def cloud_of(cfg: DictConfig, shape: Shape) -> Cloud:
+def cloud_of(cfg: DictConfig, shape: Subject) -> Cloud:
     """Draw the training cloud."""
     return draw_cloud(shape, sample_settings(cfg), cfg.seed)
 
 
-def data_and_module(cfg: DictConfig, shape: Shape, cloud: Cloud, rate: float) -> tuple[ShapeDataModule, JointSDFModule]:
+def labelled(cfg: DictConfig, shape: Subject, cloud: Cloud) -> LabelledPoints | None:
+    """Draw the points to which the head's last layer is refitted; None where it is not."""
+    return labelled_points(shape, cloud, sample_settings(cfg), cfg.seed) if cfg.trainer.refit else None
+
+
+def data_and_module(
+    cfg: DictConfig, shape: Subject, cloud: Cloud, rate: float
+) -> tuple[ShapeDataModule, JointSDFModule]:
     """Make the stream of samples, and the field with its objective, initialised from the seed.
 
     Args:
@@ -169,12 +167,12 @@ def data_and_module(cfg: DictConfig, shape: Shape, cloud: Cloud, rate: float) ->
     Raises:
         InputError: A component refuses its settings.
     """
-    with settings_errors("data"):
-        sampler = prepare_samples(shape, cloud, counts(cfg), sample_settings(cfg), cfg.seed)
-        data = ShapeDataModule(sampler, cfg.data.workers)
     with settings_errors("trunk, head, loss or optimizer"), seeded(cfg.seed):
         module = _module(cfg, cloud.part_ids, cloud.normalisation, rate)
         module.configure_optimizers()  # so that a bad rate is refused now, not in the fit
+    with settings_errors("data"):
+        sampler = prepare_samples(shape, cloud, counts(cfg), sample_settings(cfg), cfg.seed, module.field.far)
+        data = ShapeDataModule(sampler, cfg.data.workers)
     return data, module
 
 
@@ -183,11 +181,8 @@ def _module(
 ) -> JointSDFModule:
     ids = part_ids if cfg.head.name != "none" else np.arange(0)
     field = JointField(resolve(cfg.trunk) | trunk, resolve(cfg.head), ids, normalisation)
-    settings = {key: cfg.trainer[key] for key in ("max_steps", "head_lr", "clip", "cosine", "warmup", "log_every")}
-    objective = Objective(**instantiate(cfg.loss, _convert_="all"))
-    return JointSDFModule(
-        field, objective, instantiate(cfg.optimizer), FitSettings(seed=cfg.seed, trunk_rate=rate, **settings)
-    )
+    fit = FitSettings(seed=cfg.seed, trunk_rate=rate, **{key: cfg.trainer[key] for key in FIT_KEYS})
+    return JointSDFModule(field, Objective(**instantiate(cfg.loss, _convert_="all")), instantiate(cfg.optimizer), fit)
 
 
 def fit_machine(cfg: DictConfig) -> FitMachine:

@@ -3,19 +3,21 @@
 from collections.abc import Mapping
 from typing import Any
 
-from jointsdf.errors import InputError, require_number, require_one_of
+from jointsdf.errors import InputError, require_number, require_one_of, shown
+from jointsdf.runs.row_content import is_folder_name
 
 # Real numbers: 10 and 10.0 are the same config. The components check their ranges.
 NUMBERS = (
     *(f"data.{key}" for key in ("label_fraction", "pool_near")),
-    *(f"data.counts.{key}" for key in ("balanced", "borders", "shell_offset")),
+    *(f"data.counts.{key}" for key in ("balanced", "creases", "borders", "shell_offset")),
+    *(f"data.corruption.{key}" for key in ("scanner.noise", "density", "missing", "outliers", "noise", "label_flip")),
     *("tessellation.tolerance", "tessellation.angle"),
     *("trainer.clip", "trainer.warmup", "trainer.checkpoint_seconds"),
 )
 OPTIONAL = (  # where the chosen group has them
     *("head.dropout", "head.omega", "trunk.omega", "trunk.hidden_omega"),
     *("optimizer.lr", "optimizer.muon_lr", "trainer.head_lr", "trainer.full_rate_area"),
-    "loss.terms.sign_agnostic.alpha",
+    *("loss.terms.sign_agnostic.alpha", "loss.terms.divergence.low", "loss.terms.divergence.high"),
 )
 RATES = ("optimizer.lr", "optimizer.muon_lr")  # torch's optimizers name no key
 CHOICES = {"resume": ("auto", "never"), "force": (True, False), "reuse": (True, False)}
@@ -37,8 +39,9 @@ def check_settings(settings: Mapping[str, Any]) -> None:
         raise InputError(f"shapes={settings['shapes']}: add sweeps=folder, or give one file as shape=")
     for key in NAMES:
         name = str(settings[key])
-        if not name or set("/\\\0") & set(name) or name.startswith("."):
-            raise InputError(f"{key}={name}: it names a folder, give a name without / and not starting with .")
+        if not is_folder_name(name) or "\\" in name or name.startswith("."):
+            fix = "give a name of one line, up to 255 bytes, without / and not starting with ."
+            raise InputError(f"{key}={shown(name)}: it names a folder, {fix}")
     for key in RATES:
         if value_at(settings, key) is not None:
             require_number(key, value_at(settings, key), 0, 1e6)

@@ -7,6 +7,7 @@ from typing import Any
 
 from omegaconf import DictConfig
 
+from jointsdf.experiment.settings import trusted
 from jointsdf.experiment.summary import summary
 from jointsdf.runs import folder as run_folder
 from jointsdf.runs import status
@@ -34,27 +35,37 @@ def find_row(
         Busy: Another process works on the same run, and `wait` is false.
         InputError: The folder holds another config, or a damaged one.
     """
-    row = run_folder.finished_row(folder, fingerprint, force=cfg.force, reuse=cfg.reuse)
+    row = run_folder.finished_row(folder, fingerprint, force=cfg.force, reuse=cfg.reuse, trust=trusted(cfg))
     if row:
         log.info("%s holds this run's result already; force=true runs it again", folder)
         if (written := row.provenance.get("unit", unit)) != unit:
             log.warning("%s: its files are in %s, not %s; force=true writes them again", folder, written, unit)
         status.end(folder)
     elif cfg.reuse and not cfg.force:
-        row = find_reusable_row(config_hash(fingerprint), folder, Path(cfg.paths.outputs), Path(cfg.paths.results))
+        stored = Path(cfg.paths.outputs), Path(cfg.paths.results)
+        row = find_reusable_row(config_hash(fingerprint), folder, *stored, recipe=str(cfg.recipe))
         if row:
-            _copy_row(row, folder, settings, fingerprint, wait=wait)
+            row = _copy_row(row, cfg, folder, settings, fingerprint, wait=wait)
     if row:
         log.info(summary(row, cfg.evaluation.primary, folder))
     return row
 
 
 def _copy_row(
-    row: ResultRow, folder: Path, settings: Mapping[str, Any], fingerprint: Mapping[str, Any], *, wait: bool
-) -> None:
-    """Write a row of another study into the run folder."""
+    row: ResultRow,
+    cfg: DictConfig,
+    folder: Path,
+    settings: Mapping[str, Any],
+    fingerprint: Mapping[str, Any],
+    *,
+    wait: bool,
+) -> ResultRow:
+    """Write a row of another study into the run folder; the run's own, made by a process that was waited for, stays."""
     with lock(folder, wait=wait):
+        if own := run_folder.finished_row(folder, fingerprint, force=False, reuse=True, trust=trusted(cfg)):
+            return own
         run_folder.claim(folder, settings, fingerprint, resume="never", force=False)
         write_row(folder, row)
         status.end(folder)
     log.info("%s: taken from %s; reuse=false runs it here", folder, row.provenance[run_folder.REUSED])
+    return row

@@ -41,7 +41,7 @@ def fit_help(program: str) -> str:
 
 def evaluate_help(program: str) -> str:
     """Help of measuring a run again."""
-    run = next(_values(CONF.joinpath("evaluate.yaml").read_text(encoding="utf-8")))
+    values = _values(CONF.joinpath("evaluate.yaml").read_text(encoding="utf-8"))
     example = "outputs/fast/base/siren/part_01/seed0"
     return "\n".join(
         [
@@ -49,7 +49,7 @@ def evaluate_help(program: str) -> str:
             "",
             "Extracts and measures a finished run again from its field, and compares with its stored scores.",
             "",
-            run,
+            *values,
             "",
             f"e.g. {program} run={example}",
         ]

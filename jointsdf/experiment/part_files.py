@@ -9,7 +9,7 @@ from jointsdf.errors import InputError
 from jointsdf.experiment.file_patterns import matching_files
 from jointsdf.experiment.quoting import check_characters
 from jointsdf.shapes.labels.beside import OF_FOLDER, possible_label_files
-from jointsdf.shapes.readers.formats import LISTED, format_of, unread_by_name
+from jointsdf.shapes.readers.formats import LISTED, POINTS, format_of, suffix_of, unread_by_name
 from jointsdf.user_paths import expand_home
 
 log = logging.getLogger(__name__)
@@ -30,9 +30,9 @@ def list_part_files(given: str | Sequence[str]) -> list[Path]:
     """
     names = [given] if isinstance(given, str) else given
     files = list(dict.fromkeys(path for name in names for path in _files_of(str(name))))
-    shapes = [path for path in files if format_of(path)]
+    shapes = [path for path in files if _may_be_shape(path)]
     labels = {path for shape in shapes for path in possible_label_files(shape)}
-    _log_others([path for path in files if not format_of(path) and path not in labels and path.name != OF_FOLDER])
+    _log_others([path for path in files if path not in shapes and path not in labels and path.name != OF_FOLDER])
     usable = [path for path in shapes if path not in labels and _has_usable_name(path)]
     if not usable:
         asked = f"shapes={given}" if isinstance(given, str) else ", ".join(names[:SHOWN])
@@ -41,6 +41,10 @@ def list_part_files(given: str | Sequence[str]) -> list[Path]:
         if sum(path.parent == folder for path in usable) > 1:
             log.warning("%s: its %s counts for each part without <part>.labels.npy of its own", folder, OF_FOLDER)
     return usable
+
+
+def _may_be_shape(path: Path) -> bool:
+    return bool(format_of(path)) or suffix_of(path) in POINTS
 
 
 def _files_of(name: str) -> list[Path]:

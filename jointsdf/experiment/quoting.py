@@ -18,7 +18,8 @@ from jointsdf.experiment.file_patterns import matching_files
 from jointsdf.user_paths import expand_home
 
 OVERRIDE = re.compile(r"(?P<key>\+{0,2}[A-Za-z_][\w./@-]*)=(?P<value>.*)", re.DOTALL | re.ASCII)
-FILES = ("shape", "shapes", "labels", "partfield_dir", "run")  # keys of files and folders, besides those below `paths`
+# Keys of files and folders, besides those below `paths`.
+FILES = (*("shape", "shapes", "labels", "truth", "truth_labels", "partfield_dir", "run"),)
 SHAPES = "shapes"  # whose commas make a list, and not a sweep
 PATHS = "paths."  # what the keys of folders begin with
 NAMES = ("study", "variant")  # keys of free text, the names of folders
@@ -92,7 +93,9 @@ def check_characters(name: str) -> None:
         InputError: One line that names it.
     """
     if UNUSABLE.search(name):
-        raise InputError(f"{name!a}: a line break, control character or byte that is no UTF-8; rename the file")
+        raise InputError(
+            f"{name!a}: a line break, control character or byte that is no UTF-8; rename the file or give another name"
+        )
 
 
 def _quote_files(key: str, value: str, sweeps: bool) -> str:
@@ -164,7 +167,7 @@ def _exists(key: str, name: str) -> bool:
     path = expand_home(name)
     if os.path.lexists(path):
         return True
-    if key == "labels":
+    if key in ("labels", "truth_labels"):
         return any(os.path.isfile(path[: colon.start()]) for colon in re.finditer(":", path))
     return key == SHAPES and any(matching_files(path))
 

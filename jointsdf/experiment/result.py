@@ -2,24 +2,30 @@
 
 from pathlib import Path
 
+import numpy as np
 from omegaconf import DictConfig
 
 from jointsdf.evaluation.protocol import Scores
+from jointsdf.experiment.data_settings import sample_settings
 from jointsdf.experiment.tensorboard import log_result
 from jointsdf.model.field import JointField
 from jointsdf.phases import tell
+from jointsdf.runs.records import HOLDOUT
 from jointsdf.runs.row import Fact, ResultRow
+from jointsdf.shapes.clouds.report import CloudReport
 from jointsdf.shapes.mesh_report import MeshReport
 from jointsdf.training.fit import tensorboard_logger
 from jointsdf.training.hardware import peak_memory_mb
-from jointsdf.values import LabelledMesh, Shape
-from jointsdf.viewing.render import render_comparison, write_png
+from jointsdf.values import LabelledMesh, Scan, Subject
+from jointsdf.viewing.points import beside_fit, what_is_given
+from jointsdf.viewing.render import write_png
+from jointsdf.viewing.slice import render_slice
 
 
 def save_pictures(
     cfg: DictConfig,
     folder: Path,
-    shape: Shape,
+    shape: Subject,
     mesh: LabelledMesh,
     field: JointField,
     scores: dict[str, float],
@@ -27,28 +33,56 @@ def save_pictures(
 ) -> None:
     """Write `preview.png` and the run's last TensorBoard entries.
 
+    The picture shows truth and fit above a slice of the field; of a cloud without a truth, the points beside the fit.
+
     Args:
         cfg: The composed config.
         folder: The run folder.
-        shape: Ground truth.
+        shape: Mesh or point cloud.
         mesh: Extracted mesh, file frame.
         field: The fitted field.
         scores: Scores of the primary protocol.
         resolution: Grid points of the extraction along each axis.
     """
-    caption = f"{cfg.recipe}, head {cfg.head.name}, {resolution}^3"
-    tell(0, 2, "preview.png")
-    picture = render_comparison(shape.mesh, mesh, captions=(f"{shape.name}: ground truth", caption))
-    write_png(folder / "preview.png", picture)
-    tell(1, facts="TensorBoard")
+    name = f"{cfg.recipe}, head {cfg.head.name}"
+    tell(0, 3, "meshes")
+    shown, found = beside_fit(shape), f"{name}, {resolution}^3"
+    pictures = {"truth_and_prediction": shown(mesh, captions=(f"{shape.name}: {what_is_given(shape)}", found))}
+    if shape.truth is not None:
+        tell(1, facts="slice")
+        width = pictures["truth_and_prediction"].shape[1]
+        pictures["slice_truth_fit_error"] = render_slice(shape.truth, field, caption=name, width=width)
+    write_png(folder / "preview.png", np.concatenate(list(pictures.values())))
+    tell(2, facts="TensorBoard")
     settings = {"recipe": cfg.recipe, "head": cfg.head.name, "shape": shape.name, "seed": cfg.seed}
-    log_result(tensorboard_logger(folder), field, mesh, picture, settings, scores, cfg.trainer.max_steps)
+    log_result(tensorboard_logger(folder), field, mesh, pictures, settings, scores, cfg.trainer.max_steps)
+
+
+def data_facts(cfg: DictConfig, shape: Subject) -> dict[str, Fact]:
+    """Facts of a row on its data.
+
+    Returns:
+        Hash and source of labels; `corruption`, where the training cloud suffers one; `truth` of a point cloud:
+        `holdout`, or the mesh that it is scored by.
+    """
+    sha256 = shape.points_sha256 if isinstance(shape, Scan) else shape.mesh_sha256
+    facts: dict[str, Fact] = {"mesh_sha256": sha256, "label_provider": shape.label_provider}
+    if corruption := str(sample_settings(cfg).corruption):
+        facts["corruption"] = corruption
+    if isinstance(shape, Scan):
+        facts["truth"] = HOLDOUT if shape.truth is None else shape.truth.name
+    return facts
+
+
+def primary_scores(cfg: DictConfig, scores: Scores) -> dict[str, float]:
+    """Scores of the primary protocol, or those by held-out points where there are no others."""
+    return scores[HOLDOUT] if HOLDOUT in scores else scores.get(cfg.evaluation.primary, {})
 
 
 def result_row(
     cfg: DictConfig,
-    shape: Shape,
-    report: MeshReport,
+    shape: Subject,
+    report: MeshReport | CloudReport,
     field: JointField,
     mesh: LabelledMesh,
     scores: Scores,
@@ -59,8 +93,8 @@ def result_row(
 
     Args:
         cfg: The composed config.
-        shape: Ground truth.
-        report: Report of the ground truth's mesh.
+        shape: Mesh or point cloud.
+        report: Report of what is fitted.
         field: The fitted field.
         mesh: Extracted mesh.
         scores: All scores by protocol.
@@ -76,9 +110,9 @@ def result_row(
         seed=cfg.seed,
         status="empty_mesh" if mesh.is_empty else "ok",
         steps=cfg.trainer.max_steps,
-        num_parts=len(shape.mesh.part_ids),
+        num_parts=len(shape.part_ids),
         counts={
-            "faces_gt": len(shape.mesh.faces),
+            **({} if shape.truth is None else {"faces_gt": len(shape.truth.mesh.faces)}),
             "faces_pred": len(mesh.faces),
             "vertices_pred": len(mesh.vertices),
             "parameters_trunk": sum(p.numel() for p in field.trunk.parameters()),

@@ -14,12 +14,12 @@ from jointsdf.experiment import build
 from jointsdf.experiment.existing_row import find_row
 from jointsdf.experiment.measurement import EXTRACTING, MEASURING, extract, measure
 from jointsdf.experiment.process import process_settings
-from jointsdf.experiment.result import result_row, save_pictures
-from jointsdf.experiment.settings import folder_of, resolve_settings, shared_settings
+from jointsdf.experiment.result import data_facts, primary_scores, result_row, save_pictures
+from jointsdf.experiment.settings import folder_of, resolve_settings, shared_settings, trusted
 from jointsdf.experiment.stopwatch import Stopwatch
 from jointsdf.experiment.summary import describe, files_to_open, summary
 from jointsdf.experiment.tensorboard import preview_factory
-from jointsdf.extraction.resolution import cell_size, thin_wall_warning
+from jointsdf.extraction.resolution import cell_size, grid_warnings
 from jointsdf.model.field import JointField
 from jointsdf.phases import phase
 from jointsdf.runs import folder as run_folder
@@ -27,11 +27,12 @@ from jointsdf.runs import status
 from jointsdf.runs.lock import lock
 from jointsdf.runs.provenance import code_state, provenance
 from jointsdf.runs.row import ResultRow, config_hash, write_row
-from jointsdf.shapes.mesh_report import MeshReport, mesh_report
+from jointsdf.shapes.clouds.report import CloudReport
+from jointsdf.shapes.mesh_report import MeshReport
 from jointsdf.threads import large_pieces
 from jointsdf.training.fit import fit, save_field
 from jointsdf.training.module import JointSDFModule
-from jointsdf.values import LabelledMesh, Normalisation, Shape
+from jointsdf.values import LabelledMesh, LabelledPoints, Subject
 from jointsdf.viewing.export import write_mesh
 
 log = logging.getLogger(__name__)
@@ -41,12 +42,12 @@ CACHE_DIR = ".companions"  # below the outputs; caches reference scores by shape
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of a run.
+    """Result of a run; field and mesh are None where the row existed before.
 
     Attributes:
         row: The result row.
-        field: The fitted field; None where the row existed before.
-        mesh: The extracted mesh, file frame; None where the row existed before.
+        field: The fitted field.
+        mesh: The extracted mesh, file frame.
     """
 
     row: ResultRow
@@ -61,16 +62,16 @@ class Prepared:
     Attributes:
         data: Samples of each step.
         module: The untrained field with its objective.
+        labelled: Points to which the head's last layer is refitted; None where it is not.
         measures: Extraction with its initial grid, and protocols.
-        report: Report of the ground truth's mesh.
-        normalisation: File frame -> network frame.
+        report: Report of what is fitted.
     """
 
     data: ShapeDataModule
     module: JointSDFModule
+    labelled: LabelledPoints | None
     measures: build.Measures
-    report: MeshReport
-    normalisation: Normalisation
+    report: MeshReport | CloudReport
 
 
 @large_pieces()
@@ -96,13 +97,13 @@ def run(cfg: DictConfig, *, wait: bool = True) -> ResultRow:
 
 
 def fit_shape(
-    cfg: DictConfig, shape: Shape, folder: Path, watch: Stopwatch, *, wait: bool = True, keep_files: bool = True
+    cfg: DictConfig, shape: Subject, folder: Path, watch: Stopwatch, *, wait: bool = True, keep_files: bool = True
 ) -> Outcome:
     """Run all of `run` after the shape is loaded; call it within `process_settings` and `large_pieces`.
 
     Args:
         cfg: The config, checked.
-        shape: Ground truth.
+        shape: Mesh or point cloud.
         folder: The run folder.
         watch: Times the stages.
         wait: As for `run`.
@@ -121,7 +122,8 @@ def fit_shape(
     with watch("prepare", "points, labels and distances"):
         prepared = _prepare(cfg, shape, draw_cloud(), rate)
     with lock(folder, wait=wait):
-        if row := run_folder.finished_row(folder, fingerprint, force=cfg.force, reuse=cfg.reuse):
+        if row := run_folder.finished_row(folder, fingerprint, force=cfg.force, reuse=cfg.reuse, trust=trusted(cfg)):
+            log.info(summary(row, cfg.evaluation.primary, folder))
             return Outcome(row)  # made by the process that was waited for
         status.begin(folder)
         run_folder.claim(folder, settings, fingerprint, resume=cfg.resume, force=cfg.force)
@@ -135,11 +137,10 @@ def fit_shape(
             config_hash=config_hash(fingerprint),
             settings_hash=config_hash(shared_settings(settings)),
             **machine,
-            mesh_sha256=shape.mesh_sha256,
-            label_provider=shape.label_provider,
             resolution=resolution,
             **report.facts(),
-            grid_cell=cell_size(resolution) * prepared.normalisation.scale,
+            **data_facts(cfg, shape),
+            grid_cell=cell_size(resolution) * field.normalisation.scale,
         )
         row = result_row(cfg, shape, report, field, mesh, scores, watch.seconds, facts)
         write_row(folder, row)
@@ -149,52 +150,51 @@ def fit_shape(
     return Outcome(row, field, mesh)
 
 
-def _prepare(cfg: DictConfig, shape: Shape, cloud: Cloud, rate: float) -> Prepared:
-    """Make samples, module and measures, and log the report of the mesh."""
+def _prepare(cfg: DictConfig, shape: Subject, cloud: Cloud, rate: float) -> Prepared:
+    """Make samples, module and measures, and log the report of what is fitted."""
     data, module = build.data_and_module(cfg, shape, cloud, rate)
-    report, scale = mesh_report(shape), cloud.normalisation.scale
-    resolution = build.first_resolution(cfg, report.wall / scale)
+    report, scale = build.report_on(shape), cloud.normalisation.scale
+    resolution = build.first_resolution(cfg, report.wall / scale, [width / scale for width in report.widths.values()])
     measures = build.measures(cfg, resolution)
     report.log(cell_size(resolution) * scale)
-    if warning := thin_wall_warning(report.wall, resolution, scale, shape.unit.name):
+    for warning in grid_warnings(report.wall, report.widths, resolution, scale, shape.unit.name):
         log.warning("%s: %s", report.name, warning)
-    return Prepared(data, module, measures, report, cloud.normalisation)
+    return Prepared(data, module, build.labelled(cfg, shape, cloud), measures, report)
 
 
-def _fit(cfg: DictConfig, shape: Shape, prepared: Prepared, folder: Path, watch: Stopwatch) -> dict[str, str | int]:
+def _fit(cfg: DictConfig, shape: Subject, prepared: Prepared, folder: Path, watch: Stopwatch) -> dict[str, str | int]:
     """Fit the field and save it; returns what the fit used of this machine."""
     preview = preview_factory(cfg, shape, prepared.measures.protocols[cfg.evaluation.primary])
     with phase("fit", f"{cfg.trainer.max_steps} steps, recipe {cfg.recipe}, head {cfg.head.name}"):
-        watch.seconds["fit"], machine = fit(
-            prepared.module, prepared.data, folder, build.fit_machine(cfg), preview=preview
-        )
+        on, labelled = build.fit_machine(cfg), prepared.labelled
+        made = fit(prepared.module, prepared.data, folder, on, labelled=labelled, preview=preview)
+    watch.seconds["fit"], machine = made
     save_field(prepared.module.field, folder / run_folder.FIELD)
     return machine
 
 
 def _measure(
-    cfg: DictConfig, shape: Shape, prepared: Prepared, folder: Path, watch: Stopwatch, *, keep_files: bool
+    cfg: DictConfig, shape: Subject, prepared: Prepared, folder: Path, watch: Stopwatch, *, keep_files: bool
 ) -> tuple[build.Measures, LabelledMesh, Scores]:
     """Extract and score the mesh, and write mesh and pictures."""
-    field = prepared.module.field
+    field, refine = prepared.module.field, cfg.extraction.resolution == "auto"
     with watch("extract", EXTRACTING):
-        measures, mesh = extract(field, prepared.measures, refine=cfg.extraction.resolution == "auto")
+        measures, mesh = extract(field, prepared.measures, refine=refine)
         if keep_files:
             write_mesh(folder, mesh, shape.unit, shape.up)
     with watch("evaluate", MEASURING):
         scores = measure(measures, shape, mesh, field, Path(cfg.paths.outputs, CACHE_DIR))
     if keep_files:
         with watch("picture", "preview.png and TensorBoard"):
-            primary = scores[cfg.evaluation.primary]
-            save_pictures(cfg, folder, shape, mesh, field, primary, measures.extraction.resolution)
+            resolution = measures.extraction.resolution
+            save_pictures(cfg, folder, shape, mesh, field, primary_scores(cfg, scores), resolution)
     return measures, mesh, scores
 
 
 def _log_outcome(
-    cfg: DictConfig, row: ResultRow, folder: Path | None, measures: build.Measures, shape: Shape, mesh: LabelledMesh
+    cfg: DictConfig, row: ResultRow, folder: Path | None, measures: build.Measures, shape: Subject, mesh: LabelledMesh
 ) -> None:
-    log.info(summary(row, cfg.evaluation.primary, folder))
-    if description := describe(row, measures.protocols, shape, mesh):
-        log.info(description)
-    if folder and not mesh.is_empty:
-        log.info(files_to_open(folder))
+    files = files_to_open(folder) if folder and not mesh.is_empty else ""
+    for line in (summary(row, cfg.evaluation.primary, folder), describe(row, measures.protocols, shape, mesh), files):
+        if line:
+            log.info(line)

@@ -12,10 +12,11 @@ from omegaconf.errors import OmegaConfBaseException
 from jointsdf import shapes
 from jointsdf.errors import InputError, first_line
 from jointsdf.runs.fingerprint import fingerprint_of
+from jointsdf.runs.trusted_targets import targets, trusted_names
 from jointsdf.shapes.labels.providers import absolute
 from jointsdf.shapes.stored import shape_identity
 from jointsdf.user_paths import expand_home
-from jointsdf.values import Shape
+from jointsdf.values import Subject
 
 
 @contextmanager
@@ -65,21 +66,26 @@ def folder_of(cfg: DictConfig) -> Path:
     return Path(*map(str, names))  # numbers too: variant=range(3) of a sweep
 
 
-def resolve_settings(cfg: DictConfig, shape: Shape, rate: float) -> tuple[dict[str, Any], dict[str, Any]]:
+def resolve_settings(cfg: DictConfig, shape: Subject, rate: float) -> tuple[dict[str, Any], dict[str, Any]]:
     """Resolve a config to settings and fingerprint.
 
     Args:
         cfg: The composed config.
-        shape: The run's ground truth.
+        shape: What the run is fitted to.
         rate: From `build.trunk_rate`.
 
     Returns:
         The settings, valid from any working directory, and those of them that decide the run's numbers.
     """
     settings = resolve(cfg)
+    settings.pop("trust", None)  # of this command alone
     given = Path(expand_home(str(cfg.shape)))
     settings["shape"] = str(given.resolve()) if given.is_file() and shape.name != str(cfg.shape) else shape.name
     settings["labels"] = absolute(str(cfg.labels))
+    if settings["truth"] is not None:
+        given = Path(expand_home(str(settings["truth"])))
+        settings["truth"] = str(given.resolve()) if given.is_file() else str(settings["truth"])
+    settings["truth_labels"] = absolute(str(cfg.truth_labels))
     if settings["partfield_dir"] is not None:
         settings["partfield_dir"] = str(Path(expand_home(str(settings["partfield_dir"]))).resolve())
     settings["paths"]["abc_root"] = str(Path(expand_home(str(cfg.paths.abc_root))).resolve())
@@ -87,6 +93,12 @@ def resolve_settings(cfg: DictConfig, shape: Shape, rate: float) -> tuple[dict[s
     if rate == 1:  # a limit that the shape does not reach decides nothing
         del fingerprint["trainer"]["full_rate_area"]
     return settings, fingerprint
+
+
+def trusted(cfg: DictConfig) -> tuple[str, ...]:
+    """What a run folder's config may name in the run of this config: what the user trusts, and what this one names."""
+    own = (target for _, target in targets(resolve(cfg)))
+    return (*trusted_names(cfg.get("trust")), *map(str, own))
 
 
 def shared_settings(settings: Mapping[str, Any]) -> dict[str, Any]:

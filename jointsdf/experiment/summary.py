@@ -1,13 +1,16 @@
 """Last lines of a run: its scores, the quality of its mesh in words, and the files to open."""
 
+import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import trimesh
 
 from jointsdf.evaluation.protocol import Protocol, bounding_frame
-from jointsdf.runs.row import ResultRow
-from jointsdf.values import LabelledMesh, Shape
+from jointsdf.runs.records import HOLDOUT
+from jointsdf.runs.row import ResultRow, score_of
+from jointsdf.values import LabelledMesh, Subject
 
 QUOTED_SCORES = {"surface_p99", "parts_pred", "parts_gt", "components", "components_gt"}
 
@@ -20,29 +23,40 @@ def summary(row: ResultRow, protocol: str, folder: Path | None) -> str:
         protocol: Name of the protocol to quote.
         folder: The run folder; None where it does not last.
     """
-    scores = row.scores[protocol]
     if row.status == "empty_mesh":
         return f"{row.shape} {row.head}: empty_mesh (the field has no surface in the box), {folder or 'not kept'}"
+    fitted, total = (row.seconds.get(stage, math.nan) for stage in ("fit", "total"))
+    if HOLDOUT in row.scores:
+        score = partial(score_of, row, HOLDOUT)
+        return (
+            f"{row.shape} {row.head}: held-out points {score('held_out_mean'):.3%} from the surface "
+            f"(p99 {score('held_out_p99'):.3%} of the longest side), labels right at {score('held_out_acc'):.1%}  "
+            f"surface to cloud {score('to_cloud_mean'):.3%}, uncovered {score('uncovered'):.1%}  "
+            f"components {score('components'):.0f}  fit {fitted:.0f} s, total {total:.0f} s"
+            + (f"  {folder}" if folder else "")
+        )
+    score = partial(score_of, row, protocol)
     return (
-        f"{row.shape} {row.head}: cd_l1 {scores['cd_l1']:.4f} (floor {scores['cd_l1_floor']:.4f})  "
-        f"nc {scores['nc']:.4f}  "
-        f"miou {scores['miou']:.4f} (floor {scores['miou_floor']:.4f})  miou_exact {scores['miou_exact']:.4f} "
-        f"(ceiling {scores['miou_exact_ceiling']:.4f})  components {scores['components']:.0f}  "
-        f"fit {row.seconds['fit']:.0f} s, total {row.seconds['total']:.0f} s" + (f"  {folder}" if folder else "")
+        f"{row.shape} {row.head}: cd_l1 {score('cd_l1'):.4f} (floor {score('cd_l1_floor'):.4f})  "
+        f"nc {score('nc'):.4f}  "
+        f"miou {score('miou'):.4f} (floor {score('miou_floor'):.4f})  miou_exact {score('miou_exact'):.4f} "
+        f"(ceiling {score('miou_exact_ceiling'):.4f})  components {score('components'):.0f}  "
+        f"fit {fitted:.0f} s, total {total:.0f} s" + (f"  {folder}" if folder else "")
     )
 
 
-def describe(row: ResultRow, protocols: Mapping[str, Protocol], truth: Shape, mesh: LabelledMesh) -> str:
+def describe(row: ResultRow, protocols: Mapping[str, Protocol], shape: Subject, mesh: LabelledMesh) -> str:
     """Quality of the mesh in plain words; empty for a run without surface or without the scores it quotes.
 
     Args:
         row: The run's row.
         protocols: The run's protocols; the first whose frame is the ground truth's is quoted.
-        truth: Ground truth.
+        shape: Mesh or point cloud; empty text for one without a truth.
         mesh: The run's mesh, file frame.
     """
     quoted = next((name for name, protocol in protocols.items() if protocol.frame == "truth"), None)
-    if quoted is None or mesh.is_empty or not row.scores[quoted].keys() >= QUOTED_SCORES:
+    truth = shape.truth
+    if truth is None or quoted is None or mesh.is_empty or not row.scores[quoted].keys() >= QUOTED_SCORES:
         return ""
     scores, side = row.scores[quoted], bounding_frame(truth.mesh).scale
     p99 = scores["surface_p99"]
@@ -55,6 +69,8 @@ def describe(row: ResultRow, protocols: Mapping[str, Protocol], truth: Shape, me
     facts.append("watertight" if closed else "not watertight")
     pieces, wanted = scores["components"], scores["components_gt"]
     facts.append("one piece" if pieces == wanted == 1 else f"{pieces:.0f} pieces where the part has {wanted:.0f}")
+    if specks := scores.get("specks", 0):
+        facts.append(f"{specks:.0f} of them specks (extraction.smallest_piece=0.003 leaves them out)")
     return ", ".join(facts)
 
 

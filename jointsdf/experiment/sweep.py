@@ -8,6 +8,7 @@ import gc
 import logging
 import time
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -22,7 +23,8 @@ from jointsdf.phases import phase, run_named
 from jointsdf.runs import status
 from jointsdf.runs.folder import FIELD
 from jointsdf.runs.lock import Busy
-from jointsdf.runs.row import ROW_FILE
+from jointsdf.runs.plan import plan, planned_runs
+from jointsdf.runs.row import ROW_FILE, score_of
 
 log = logging.getLogger(__name__)
 
@@ -41,14 +43,14 @@ class ActiveSweep:
     """The sweep that this process drives; a process that works for another one's sweep has an empty one.
 
     Attributes:
-        wanted: Run folders, in the order of the runs.
-        started: Time of the start, seconds since the epoch.
+        wanted: Run folders in the order of the runs, each with its row's file at the start (`_row_file`).
+        started: Start, monotonic seconds.
         postponed: Configs of runs that another process works on.
         finished: Runs that were finished before, as in `sweep_plan.Plan`.
     """
 
-    wanted: list[Path] = field(default_factory=list)
-    started: float = field(default_factory=time.time)
+    wanted: dict[Path, tuple[int, int] | None] = field(default_factory=dict)
+    started: float = field(default_factory=time.monotonic)
     postponed: list[DictConfig] = field(default_factory=list)
     finished: list[tuple[DictConfig, dict[str, Any]]] = field(default_factory=list)
 
@@ -72,15 +74,15 @@ class Sweep(Callback):
         configure_logging()  # loggers that came with it as well
         _check_engine(config)
         try:
-            plan = plan_sweep(config)
+            planned = plan_sweep(config)
         except InputError as error:
             log.error("error: %s", error)
             raise SystemExit(2) from error
-        active_sweep = ActiveSweep(list(dict.fromkeys(plan.folders)), finished=plan.finished)
+        active_sweep = ActiveSweep({folder: _row_file(folder) for folder in planned.folders}, finished=planned.finished)
         for study in {folder.parents[STUDY_LEVEL] for folder in active_sweep.wanted}:
-            status.plan(study, [folder for folder in active_sweep.wanted if folder.parents[STUDY_LEVEL] == study])
-        if len(active_sweep.wanted) < len(plan.folders):
-            what = f"{len(plan.folders)} runs share {len(active_sweep.wanted)} folders"
+            plan(study, [folder for folder in active_sweep.wanted if folder.parents[STUDY_LEVEL] == study])
+        if len(active_sweep.wanted) < len(planned.folders):
+            what = f"{len(planned.folders)} runs share {len(active_sweep.wanted)} folders"
             log.warning("%s: name what differs in variant=, e.g. 'variant=tap=${trunk.tap}'", what)
         done = Counter(status.read_state(folder).kind for folder in active_sweep.wanted)["done"]
         log.info("%d runs wanted, %d of them finished before", len(active_sweep.wanted), done)
@@ -126,7 +128,7 @@ def run_one(cfg: DictConfig, *, wait_for_others: bool = False) -> float | None:
             gc.collect()  # the next run needs it
     if before.kind != "done":
         log.info("%s %s", _progress(folder), summary(row, cfg.evaluation.primary, folder))
-    return row.scores[cfg.evaluation.primary]["cd_l1"]
+    return score_of(row, cfg.evaluation.primary, "cd_l1")
 
 
 def wait_for_postponed() -> None:
@@ -154,7 +156,7 @@ def sum_up() -> int:
         kinds[state.kind] += 1
         if state.kind == "failed":
             log.error("failed: %s: %s", folder, state.error)
-    new = sum(_finished_since(folder, sweep.started) for folder in sweep.wanted)
+    new = sum(_is_new(folder, row) for folder, row in sweep.wanted.items())
     missing = kinds["missing"] + kinds["stopped"]
     running = f", {kinds['running']} running elsewhere" if kinds["running"] else ""
     counts = f"{new} done, {kinds['done'] - new} skipped, {kinds['failed']} failed, {missing} missing{running}"
@@ -175,21 +177,24 @@ def _check_engine(config: DictConfig) -> None:
 
 def _progress(folder: Path) -> str:
     """Progress of the sweep, e.g. `[12/200, 1 failed, 3:10 h left]`; no time left in a process that drives no sweep."""
-    wanted = active_sweep.wanted or status.planned_runs(folder.parents[STUDY_LEVEL])
+    wanted = active_sweep.wanted or planned_runs(folder.parents[STUDY_LEVEL])
     kinds = Counter(status.read_state(folder).kind for folder in wanted)
-    new = sum(_finished_since(folder, active_sweep.started) for folder in active_sweep.wanted)
+    new = sum(_is_new(folder, row) for folder, row in active_sweep.wanted.items())
     unfinished = len(wanted) - kinds["done"] - kinds["failed"]
     parts = [f"{kinds['done']}/{len(wanted)}"]
     parts += [f"{kinds['failed']} failed"] if kinds["failed"] else []
-    parts += (
-        [f"{status.duration((time.time() - active_sweep.started) / new * unfinished)} left"]
-        if new and unfinished
-        else []
-    )
+    if new and unfinished:
+        parts += [f"{status.duration((time.monotonic() - active_sweep.started) / new * unfinished)} left"]
     return f"[{', '.join(parts)}]"
 
 
-def _finished_since(folder: Path, moment: float) -> bool:
-    """True if the folder's row was made here since then; a row copied from another study comes without a field."""
-    row = folder / ROW_FILE
-    return (folder / FIELD).is_file() and row.is_file() and row.stat().st_mtime >= moment
+def _row_file(folder: Path) -> tuple[int, int] | None:
+    """Identity of the folder's row, which is replaced as a whole; no clock tells its age, since one may be set back."""
+    with suppress(OSError):
+        return (found := (folder / ROW_FILE).stat()).st_ino, found.st_mtime_ns
+    return None
+
+
+def _is_new(folder: Path, before: tuple[int, int] | None) -> bool:
+    """True if the folder's row is another than before; a row copied from another study comes without a field."""
+    return (folder / FIELD).is_file() and _row_file(folder) not in (None, before)

@@ -20,9 +20,9 @@ from jointsdf.evaluation.protocol import GroundTruth, Protocol
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.model.field import JointField
 from jointsdf.training.module import JointSDFModule
-from jointsdf.values import LabelledMesh, Shape
+from jointsdf.values import LabelledMesh, Subject
 from jointsdf.viewing.export import fits_tensorboard, tensorboard_mesh
-from jointsdf.viewing.render import render_comparison
+from jointsdf.viewing.points import beside_fit, what_is_given
 
 PREVIEW_POINTS = 5000  # samples on each surface
 PREVIEW_WIDTH, PREVIEW_HEIGHT = 320, 240  # pixels
@@ -32,7 +32,9 @@ MESH_RESOLUTIONS = (64, 48, 32, 24, 16, 8)  # tried in turn if the run's mesh is
 
 def extract(field: JointField, extraction: Extraction) -> LabelledMesh:
     """Extract the field's labelled mesh, file frame."""
-    return extraction.labelled_mesh(field.network_sdf, field.network_part, field.normalisation)
+    return extraction.labelled_mesh(
+        field.network_sdf, field.network_part, field.normalisation, field.network_differential
+    )
 
 
 @dataclass(frozen=True)
@@ -61,21 +63,19 @@ class Preview(Callback):
 
     Args:
         writer: Writer of the run's log.
-        truth: Ground truth, file frame.
-        protocol: Protocol of the scores, with few points.
+        score: Mesh -> scores by few points.
         settings: Interval and grid.
-        picture: (truth, prediction) -> image.
+        picture: Mesh -> image of it beside what is given.
     """
 
     def __init__(
         self,
         writer: SummaryWriter,
-        truth: LabelledMesh,
-        protocol: Protocol,
+        score: Callable[[LabelledMesh], Mapping[str, float]],
         settings: PreviewSettings,
-        picture: Callable[[LabelledMesh, LabelledMesh], UInt8[ndarray, "h w 3"]],
+        picture: Callable[[LabelledMesh], UInt8[ndarray, "h w 3"]],
     ) -> None:
-        self.writer, self.truth = writer, GroundTruth(truth, {"preview": protocol})
+        self.writer, self.score = writer, score
         self.every, self.extraction, self.picture = settings.every, Extraction(settings.resolution), picture
 
     def on_train_batch_end(self, trainer: Trainer, pl_module: LightningModule, *_: Any) -> None:
@@ -85,14 +85,12 @@ class Preview(Callback):
             return
         assert isinstance(pl_module, JointSDFModule)
         mesh = extract(pl_module.field, self.extraction)
-        scores = self.truth.scores(mesh)["preview"]
+        scores = self.score(mesh)
         tag = f"preview_{self.extraction.resolution}"
         for column in PREVIEW_COLUMNS:
             if np.isfinite(scores.get(column, np.nan)):
                 self.writer.add_scalar(f"{tag}/{column}", scores[column], step)
-        self.writer.add_image(
-            f"{tag}/truth_and_prediction", self.picture(self.truth.mesh, mesh), step, dataformats="HWC"
-        )
+        self.writer.add_image(f"{tag}/truth_and_prediction", self.picture(mesh), step, dataformats="HWC")
 
 
 def preview_settings(cfg: DictConfig) -> PreviewSettings:
@@ -100,48 +98,52 @@ def preview_settings(cfg: DictConfig) -> PreviewSettings:
     return PreviewSettings(cfg.trainer.preview_every, cfg.trainer.preview_resolution)
 
 
-def preview_factory(cfg: DictConfig, shape: Shape, protocol: Protocol) -> Callable[[SummaryWriter], Preview] | None:
+def preview_factory(cfg: DictConfig, shape: Subject, protocol: Protocol) -> Callable[[SummaryWriter], Preview] | None:
     """Make the function that makes the preview callback of a writer; None without previews.
 
     Args:
         cfg: The composed config.
-        shape: Ground truth.
+        shape: Mesh or point cloud; one without a truth has pictures alone.
         protocol: Protocol whose metrics are used.
     """
     settings = preview_settings(cfg)
     if not settings.every:
         return None
-    captions = ("ground truth", f"preview at {settings.resolution}^3, not a result")
-    return partial(
-        Preview,
-        truth=shape.mesh,
-        protocol=Protocol("preview", PREVIEW_POINTS, "truth", protocol.metrics),
-        settings=settings,
-        picture=partial(render_comparison, captions=captions, width=PREVIEW_WIDTH, height=PREVIEW_HEIGHT),
-    )
+    captions = (what_is_given(shape), f"preview at {settings.resolution}^3, not a result")
+    picture = partial(beside_fit(shape), captions=captions, width=PREVIEW_WIDTH, height=PREVIEW_HEIGHT)
+    return partial(Preview, score=_scores_by(shape, protocol), settings=settings, picture=picture)
+
+
+def _scores_by(shape: Subject, protocol: Protocol) -> Callable[[LabelledMesh], Mapping[str, float]]:
+    """Score a mesh by few points on the truth; no scores where there is none."""
+    if shape.truth is None:
+        return lambda _: {}
+    truth = GroundTruth(shape.truth.mesh, {"preview": Protocol("preview", PREVIEW_POINTS, "truth", protocol.metrics)})
+    return lambda mesh: truth.scores(mesh)["preview"]
 
 
 def log_result(
     logger: TensorBoardLogger,
     field: JointField,
     mesh: LabelledMesh,
-    picture: UInt8[ndarray, "h w 3"],
+    pictures: Mapping[str, UInt8[ndarray, "_ _ 3"]],
     settings: Mapping[str, Any],
     scores: Mapping[str, float],
     step: int,
 ) -> None:
-    """Add the finished run to TensorBoard: picture, mesh, and its settings as hparams with the final scores.
+    """Add the finished run to TensorBoard: pictures, mesh, and its settings as hparams with the final scores.
 
     Args:
         logger: The run's log.
         field: The fitted field, extracted on a coarser grid if the mesh is too large for the mesh tab.
         mesh: The run's mesh, file frame.
-        picture: Ground truth and prediction side by side.
+        pictures: By name.
         settings: Plain values that name the run.
         scores: Final scores.
         step: Steps done.
     """
-    logger.experiment.add_image("result/truth_and_prediction", picture, step, dataformats="HWC")
+    for name, picture in pictures.items():
+        logger.experiment.add_image(f"result/{name}", picture, step, dataformats="HWC")
     _log_mesh(logger.experiment, field, mesh, step)
     finite = {f"result/{name}": value for name, value in scores.items() if np.isfinite(value)}
     logger.log_hyperparams(dict(settings), finite, step)  # SummaryWriter.add_hparams would make a run of its own

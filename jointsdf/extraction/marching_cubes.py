@@ -9,9 +9,10 @@ from jaxtyping import Bool, Float, Float32, Int
 from numpy import ndarray
 from skimage.measure import marching_cubes
 
-from jointsdf.extraction.sparse_grid import UNKNOWN, Grid
+from jointsdf.extraction.sparse_grid import UNKNOWN, Grid, TooLarge
 from jointsdf.values import BOX
 
+MOST_FACES = 30_000_000  # of a surface, whose measures take 10 GB
 SLAB_THICKNESS = 32  # cells: bounds the memory, and the cost of a call is small against so many cells
 
 
@@ -20,8 +21,11 @@ def march(grid: Grid) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]]:
 
     Returns:
         Vertices, network frame, and faces, counter-clockwise seen from outside.
+
+    Raises:
+        TooLarge: It has more than `MOST_FACES` faces.
     """
-    vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
+    vertices, faces, count, size = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0, 0
     layers = SLAB_THICKNESS // grid.side
     for first in range(0, len(grid.bricks), layers):
         values, mask = _gather_slab(grid, first, layers)
@@ -33,7 +37,9 @@ def march(grid: Grid) -> tuple[Float[ndarray, "v 3"], Int[ndarray, "f 3"]]:
             continue
         vertices.append(points + np.array([first * grid.side, 0, 0], dtype=np.float64))
         faces.append(triangles.astype(np.int64) + count)
-        count += len(points)
+        count, size = count + len(points), size + len(triangles)
+        if size > MOST_FACES:
+            raise TooLarge(grid.last + 1, f"more than {MOST_FACES / 1e6:.0f} million faces")
     welded, triangles = _weld(np.concatenate(vertices), np.concatenate(faces), layers * grid.side)
     return welded * grid.spacing - BOX, triangles
 

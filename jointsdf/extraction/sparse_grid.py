@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 from numpy import ndarray
 
+from jointsdf.errors import InputError
 from jointsdf.values import BOX
 
 log = logging.getLogger(__name__)
@@ -26,9 +27,19 @@ STRIDES = (4, 8, 16, 32)  # cells along a block of the coarse lattice
 LARGEST_SIDE = 8  # cells along a brick
 GROWTH = (5, 4)  # memory allocated per memory needed: a quarter more, so that it is not copied for every few bricks
 
+MOST_EVALUATED = 1 << 26  # points: five times those of the largest shapes on the finest grid, five minutes on two cores
+
 Sdf = Callable[[Float[ndarray, "n 3"]], Float[ndarray, " n"]]
 Points = Int[ndarray, "_ 3"]  # of the grid; cells are addressed by their lowest corner
 NO_POINTS: Points = np.zeros((0, 3), dtype=np.int64)
+
+
+class TooLarge(InputError):
+    """The surface is larger than the extraction holds: it fills the box, as that of noise does."""
+
+    def __init__(self, resolution: int, found: str) -> None:
+        fix = "give a smaller extraction.resolution"
+        super().__init__(f"{resolution}^3: {found}: the field's surface fills the box, as noise does; {fix}")
 
 
 class Grid:
@@ -38,6 +49,7 @@ class Grid:
         sdf: float32 points of the network frame -> signed distance, negative inside.
         resolution: Points along each axis.
         chunk: Most points in one call of the field.
+        most: Points that may be evaluated, `TooLarge` is raised before more are; None for any number.
 
     Attributes:
         last: Coordinate of the last point along an axis; the number of cells along it.
@@ -56,13 +68,13 @@ class Grid:
     array([-1.1,  1.1, -1.1], dtype=float32)
     """
 
-    def __init__(self, sdf: Sdf, resolution: int, chunk: int) -> None:
+    def __init__(self, sdf: Sdf, resolution: int, chunk: int, most: int | None = None) -> None:
         self.last = resolution - 1
         self.stride = max(size for size in STRIDES if size == STRIDES[0] or size * LATTICE_BLOCKS <= self.last)
         self.side = min(self.stride, LARGEST_SIDE)
         self.spacing = 2 * BOX / self.last
         self.evaluations = 0
-        self._sdf, self._chunk = sdf, chunk
+        self._sdf, self._chunk, self._most = sdf, chunk, most
         self._axis = np.linspace(-BOX, BOX, resolution).astype(np.float32)
         self.lines = np.append(np.arange(0, self.last, self.stride), self.last)
         self.bricks = np.full((self.last // self.side + 1,) * 3, -1)
@@ -74,6 +86,8 @@ class Grid:
 
     def sample(self, points: Int[ndarray, "n 3"]) -> Float32[ndarray, " n"]:
         """Evaluate the field at grid points without storing the values."""
+        if self._most is not None and self.evaluations + len(points) > self._most:
+            raise TooLarge(self.last + 1, f"more than {self._most / 1e6:.0f} million points near it to evaluate")
         values = np.zeros(len(points), dtype=np.float32)
         for start in range(0, len(points), self._chunk):
             part = slice(start, start + self._chunk)

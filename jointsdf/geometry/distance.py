@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.spatial import KDTree
 
+from jointsdf.geometry.mesh import face_normals
 from jointsdf.geometry.topology import components
 from jointsdf.geometry.winding import WindingNumber
 from jointsdf.values import LabelledMesh, Normalisation, Shape
@@ -103,6 +104,15 @@ class ExactDistance:
         lengths = np.linalg.norm(away, axis=1, keepdims=True)
         directions = np.divide(away, lengths, out=np.zeros_like(away), where=lengths > ON_SURFACE * self.closest.size)
         return directions * np.sign(distances)[:, None]
+
+    def one_sided(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 3"]]:
+        """Signed distance, and the normal of the closest face: the gradient, but for points nearest to a crease.
+
+        Args:
+            points: In the frame of the mesh's vertices.
+        """
+        _, faces = self.closest.query(points)
+        return self.signed(points), face_normals(self.closest.vertices, self.closest.faces[faces])
 
     def closest_face(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
         """Index of the face that holds the closest point of the surface.

@@ -37,7 +37,7 @@ def face_graph(mesh: LabelledMesh) -> FaceGraph:
     """
     ends = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     opposite = mesh.faces[:, [2, 0, 1]].reshape(-1)
-    first, second = _pair_sides(ends, len(mesh.vertices))
+    first, second = pair_sides(ends, len(mesh.vertices))
     corners = mesh.vertices[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -65,8 +65,16 @@ def smooth_regions(graph: FaceGraph, patches: Int[ndarray, " f"] | None) -> Int[
     return components(graph.pairs[joined], graph.num_faces)
 
 
-def _pair_sides(ends: Int[ndarray, "h 2"], num_vertices: int) -> tuple[Int[ndarray, " p"], Int[ndarray, " p"]]:
-    """Pair the sides of faces that are one edge, in opposite directions unless there are only these two."""
+def pair_sides(ends: Int[ndarray, "h 2"], num_vertices: int) -> tuple[Int[ndarray, " p"], Int[ndarray, " p"]]:
+    """Pair the sides of faces that are one edge, in opposite directions unless there are only these two.
+
+    Args:
+        ends: Vertices of the sides, in the order of their faces.
+        num_vertices: Of the mesh.
+
+    Returns:
+        The first and the second side of each pair. A side without a neighbour is in none.
+    """
     edge = ends.min(axis=1) * num_vertices + ends.max(axis=1)
     order = np.argsort(edge, kind="stable")
     _, number, uses = np.unique(edge, return_inverse=True, return_counts=True)

@@ -1,11 +1,16 @@
-"""Normals, areas and edges of triangle meshes."""
+"""Normals, areas, edges and used vertices of triangle meshes."""
 
 import igl
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from jointsdf.values import UNLABELLED, LabelledMesh
+
+
+def unit(vectors: Float[ndarray, "*n 3"]) -> Float[ndarray, "*n 3"]:
+    """Vectors of length 1, or 0."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), np.finfo(float).tiny)
 
 
 def face_normals(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) -> Float[ndarray, "f 3"]:
@@ -16,14 +21,32 @@ def face_normals(vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"]) ->
            [ 0.,  0., -1.]])
     """
     a, b, c = vertices[faces.T]
-    normals = np.cross(b - a, c - a)
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+    return unit(np.cross(b - a, c - a))
 
 
 def face_areas(mesh: LabelledMesh) -> Float[ndarray, " f"]:
     """Area of each face, mesh units squared."""
     vertices, faces = mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64)
     return np.asarray(igl.doublearea(np.ascontiguousarray(vertices), np.ascontiguousarray(faces)) / 2)
+
+
+def part_areas(mesh: LabelledMesh) -> Float[ndarray, " k"]:
+    """Area of each part, in the order of `mesh.part_ids`, mesh units squared."""
+    labelled = mesh.labels != UNLABELLED
+    parts = np.searchsorted(mesh.part_ids, mesh.labels[labelled])
+    areas = np.bincount(parts, face_areas(mesh)[labelled], minlength=len(mesh.part_ids))
+    return areas.astype(np.float64)  # without parts they are whole numbers
+
+
+def used_vertices(faces: Int[ndarray, "f 3"], count: int) -> tuple[Bool[ndarray, " v"], Int[ndarray, "f 3"]]:
+    """Mark the vertices that faces use, and number the faces' corners among these alone.
+
+    >>> used_vertices(np.array([[0, 3, 1]]), 5)
+    (array([ True,  True, False,  True, False]), array([[0, 2, 1]]))
+    """
+    used = np.zeros(count, dtype=bool)
+    used[faces] = True
+    return used, (np.cumsum(used) - 1)[faces]
 
 
 def half_longest_side(mesh: LabelledMesh) -> float:

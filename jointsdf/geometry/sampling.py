@@ -1,4 +1,4 @@
-"""Random points on triangle meshes: uniform by area, or near the borders of parts."""
+"""Random points on meshes: uniform by area, as many of every part, near the borders of parts, or beside creases."""
 
 import igl
 import numpy as np
@@ -6,10 +6,17 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from numpy.random import Generator
 
-from jointsdf.geometry.mesh import border_edges, half_longest_side
+from jointsdf.geometry.creases import REACH, find_creases
+from jointsdf.geometry.distance import ClosestPoint
+from jointsdf.geometry.mesh import border_edges, face_areas, face_normals, half_longest_side
 from jointsdf.values import LabelledMesh
 
 BORDER_SCALES = (-3.3, -1.3)  # log10 of the narrowest and widest noise about a border, of half the longest side
+
+
+BESIDE = (0.001, 0.008)  # distances from a crease, of half the longest side: 0.1 to 0.9 cells of a grid of 256
+FARTHEST = 0.1  # of the distance from the crease: how far a point may be moved by its projection
+SAME_SIDE = 0.9  # least cosine between the normal of the face that a point lands on and that of its side
 
 
 def sample_by_area(
@@ -36,6 +43,29 @@ def sample_by_area(
     s, t = np.where(s + t > 1, 1 - s, s), np.where(s + t > 1, 1 - t, t)
     a, b, c = vertices[faces[chosen].T].astype(np.float64)
     return a + s * (b - a) + t * (c - a), chosen
+
+
+def sample_parts(
+    mesh: LabelledMesh, count: int, generator: Generator
+) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:
+    """Draw equally many points of every part, uniform by area on each: stratified sampling with equal allocation.
+
+    Args:
+        mesh: Any frame.
+        count: Points over all parts, rounded down to a multiple of their number, but one of each at least; 0 for none.
+        generator: Of the draw.
+
+    Returns:
+        The points, in the mesh's frame, and the face of each: part after part, none of unlabelled faces.
+    """
+    areas = face_areas(mesh)
+    points, faces = [np.zeros((0, 3))], [np.zeros(0, dtype=np.int64)]
+    for part in mesh.part_ids if count else ():
+        own, each = np.flatnonzero(mesh.labels == part), max(1, count // len(mesh.part_ids))
+        at, chosen = sample_by_area(mesh.vertices, mesh.faces[own], areas[own], each, generator)
+        points.append(at)
+        faces.append(own[chosen])
+    return np.concatenate(points), np.concatenate(faces)
 
 
 def sample_near_borders(
@@ -67,6 +97,45 @@ def sample_near_borders(
         moved, np.ascontiguousarray(vertices), np.ascontiguousarray(faces)
     )
     return points, nearest.astype(np.int64)
+
+
+def sample_beside_creases(
+    mesh: LabelledMesh, count: int, generator: Generator
+) -> tuple[Float[ndarray, "n 3"], Int[ndarray, " n"]]:
+    """Draw points of the surface close to its creases, uniform along them, on one or the other side.
+
+    A point on the crease is moved by `BESIDE` in the plane of one side, away from the crease, and projected to the
+    surface. What lands elsewhere is left out, as on a narrower wall: there are fewer points then.
+
+    Args:
+        mesh: Any frame.
+        count: Number of points.
+        generator: Of the draw.
+
+    Returns:
+        The points, in the mesh's frame, and the face of each; none where there is no crease.
+    """
+    half = half_longest_side(mesh)
+    creases = find_creases(mesh, REACH * 2 * half) if count else None
+    if creases is None or len(creases.starts) == 0:
+        return np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
+    along = creases.ends - creases.starts
+    lengths = np.linalg.norm(along, axis=1)
+    chosen = _draw_weighted(lengths, count, generator)
+    start = creases.starts[chosen] + generator.random((count, 1)) * along[chosen]
+    normals = creases.normals[chosen, generator.integers(2, size=count)]
+    away = np.cross(along[chosen], normals)
+    offsets = half * generator.uniform(*BESIDE, count)
+    away *= (offsets / np.linalg.norm(away, axis=1))[:, None]
+    moved = np.stack([start + away, start - away])  # one of them is on the surface, nearly
+    surface = ClosestPoint(mesh)
+    distances, faces = (found.reshape(2, count) for found in surface.query(moved.reshape(-1, 3)))
+    agree = np.einsum("snd,nd->sn", face_normals(mesh.vertices, mesh.faces)[faces], normals) > SAME_SIDE
+    agree &= distances < FARTHEST * offsets
+    side = np.where(agree, distances, np.inf).argmin(axis=0)
+    kept = np.flatnonzero(agree.any(axis=0))
+    side = side[kept]
+    return surface.nearest(moved[side, kept]), faces[side, kept]
 
 
 def _draw_weighted(weights: Float[ndarray, " w"], count: int, generator: Generator) -> Int[ndarray, " n"]:

@@ -67,6 +67,30 @@ def component_volumes(
     return np.asarray(np.bincount(number, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6))
 
 
+def component_sizes(
+    vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], number: Int[ndarray, " f"]
+) -> Float[ndarray, " c"]:
+    """Longest side of each component's bounding box; arguments as of `component_volumes`.
+
+    >>> ends = np.array([[0.0, 0, 0], [2, 0, 0], [0, 1, 0], [5, 0, 0], [5, 3, 0], [6, 0, 0]])
+    >>> component_sizes(ends, np.array([[0, 1, 2], [3, 4, 5]]), np.array([0, 1]))
+    array([2., 3.])
+    """
+    if not len(faces):
+        return np.zeros(0)
+    order = np.argsort(number, kind="stable")
+    corners = vertices[faces[order]]
+    first = np.flatnonzero(np.diff(number[order], prepend=-1))
+    low, high = np.minimum.reduceat(corners.min(axis=1), first), np.maximum.reduceat(corners.max(axis=1), first)
+    return np.asarray((high - low).max(axis=1))
+
+
+@cached_by_identity
+def pieces(mesh: LabelledMesh) -> Int[ndarray, " f"]:
+    """`face_components` of a mesh; cached."""
+    return face_components(mesh.faces)
+
+
 @cached_by_identity
 def topology(mesh: LabelledMesh) -> dict[str, float]:
     """Number of `components`, `euler` characteristic and signed `volume` of one mesh; all 0 without faces.
@@ -82,7 +106,7 @@ def topology(mesh: LabelledMesh) -> dict[str, float]:
     faces = corners.reshape(-1, 3)
     edges = len(np.unique(edge_keys(faces, len(used))))
     return {
-        "components": float(count_components(faces)),
+        "components": float(pieces(mesh).max() + 1),
         "euler": float(len(used) - edges + len(faces)),
         "volume": signed_volume(mesh.vertices[used].astype(np.float64), faces),
     }

@@ -1,6 +1,7 @@
 """Loss terms: frozen dataclasses that map one `Step` to a scalar, one file per term.
 
-`needs` names, for each point set of the step, the values to evaluate there: `sdf`, `grad`, `logits`, or a `Mixed`.
+`needs` names, for each point set of the step, the values to evaluate there: `sdf`, `grad`, `hessian`, `logits`, or a
+`Mixed`.
 A term with the class attribute `zero_on_exact_distance = True` is zero where f is an exact signed distance.
 """
 

@@ -13,21 +13,23 @@ from jointsdf.losses import Needs
 from jointsdf.values import Step
 
 POINT_SETS = ("manifold", "non_manifold", "shell", "pool")
+FORMS = ("squared", "abs", "quadratic")
 
 
 @dataclass(frozen=True)
 class Eikonal:
-    """Deviation from a unit gradient, in either published form (paper, L_EIK).
+    """Deviation from a unit gradient, in one of the published forms (paper, L_EIK).
 
         squared   mean of (|grad f|^2 - 1)^2      the paper
         abs       mean of | |grad f| - 1 |        the released FlatCAD code
+        quadratic mean of (|grad f| - 1)^2        IGR (Gropp et al. 2020, eq. 2)
 
     Attributes:
-        form: `squared` or `abs`.
+        form: `squared`, `abs` or `quadratic`.
         on: The point sets whose union is averaged over.
     """
 
-    form: Literal["squared", "abs"] = "abs"
+    form: Literal["squared", "abs", "quadratic"] = "abs"
     on: Sequence[str] = ("manifold", "shell")
     zero_on_exact_distance: ClassVar[bool] = True
 
@@ -37,8 +39,8 @@ class Eikonal:
         Raises:
             InputError: Another form, or a point set that does not exist.
         """
-        if self.form not in ("squared", "abs"):
-            raise InputError(f"eikonal.form={self.form}: accepted are squared, abs")
+        if self.form not in FORMS:
+            raise InputError(f"eikonal.form={self.form}: accepted are {', '.join(FORMS)}")
         unknown = [name for name in self.on if name not in POINT_SETS]
         if unknown or not self.on:
             raise InputError(f"eikonal.on={list(self.on)}: accepted are one or more of {', '.join(POINT_SETS)}")
@@ -54,4 +56,5 @@ class Eikonal:
         grad = torch.cat([grad for grad in grads if grad is not None])
         if self.form == "squared":
             return (grad.square().sum(-1) - 1).square().mean()
-        return (grad.norm(dim=-1) - 1).abs().mean()
+        errors = grad.norm(dim=-1) - 1
+        return errors.abs().mean() if self.form == "abs" else errors.square().mean()

@@ -6,6 +6,7 @@ search trees of a mesh serve its samples in every frame.
 """
 
 import math
+from dataclasses import replace
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -13,7 +14,9 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from jointsdf.geometry.caching import cached_by_identity
+from jointsdf.geometry.creases import REACH, Creases, find_creases
 from jointsdf.geometry.distance import ClosestPoint, spatial_order
+from jointsdf.geometry.segments import nearest_segment
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
 
@@ -82,6 +85,27 @@ def project(samples: SurfaceSamples, onto: SurfaceSamples) -> Projection:
     """Exact closest point on the mesh of `onto` for each of `samples`, both in one frame; cached."""
     distances, faces = closest_point(onto.mesh).query(onto.frame.inverse(samples.points))
     return Projection(distances / onto.frame.scale, faces)
+
+
+@cached_by_identity
+def creases(samples: SurfaceSamples) -> Creases:
+    """Creases of the mesh of `samples`, in the frame of the samples, where the reach is `REACH`; cached."""
+    frame = samples.frame
+    found = find_creases(samples.mesh, REACH * frame.scale)
+    return replace(found, starts=frame.forward(found.starts), ends=frame.forward(found.ends))
+
+
+@cached_by_identity
+def match_creases(samples: SurfaceSamples, onto: SurfaceSamples) -> tuple[Float[ndarray, " n"], Int[ndarray, " n"]]:
+    """Nearest crease of `onto` for each of `samples`, both in one frame; cached.
+
+    Returns:
+        The exact distance, infinite where `onto` has no crease, and the index of the crease's piece, 0 there.
+    """
+    found = creases(onto)
+    if len(found.starts) == 0:
+        return np.full(len(samples.points), math.inf), np.zeros(len(samples.points), dtype=np.int64)
+    return nearest_segment(samples.points, found.starts, found.ends)
 
 
 def score_without_labels(predicted: SurfaceSamples, truth: SurfaceSamples) -> float | None:

@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 
 from jointsdf.geometry.caching import cached_by_identity
 from jointsdf.geometry.mesh import border_edges
+from jointsdf.geometry.segments import points_along
 from jointsdf.metrics import score_without_labels
 from jointsdf.values import LabelledMesh, SurfaceSamples
 
@@ -49,7 +50,8 @@ class Boundary:
 
     def _points(self, samples: SurfaceSamples) -> tuple[Float[ndarray, "n 3"], Float[ndarray, " n"]]:
         scale = samples.frame.scale
-        points, lengths = points_along(samples.mesh, _border(samples.mesh), self.spacing * scale)
+        starts, ends = samples.mesh.vertices[_border(samples.mesh).T].astype(np.float64)
+        points, lengths, _ = points_along(starts, ends, self.spacing * scale)
         return samples.frame.forward(points), lengths / scale
 
     def _share_near(
@@ -62,19 +64,3 @@ class Boundary:
 @cached_by_identity
 def _border(mesh: LabelledMesh) -> Int[ndarray, "e 2"]:
     return border_edges(mesh)
-
-
-def points_along(
-    mesh: LabelledMesh, edges: Int[ndarray, "e 2"], spacing: float
-) -> tuple[Float[ndarray, "n 3"], Float[ndarray, " n"]]:
-    """Midpoints of equal pieces of edges, none longer than `spacing`, with the pieces' lengths as weights.
-
-    By the weights, many short edges count no more than one long edge in their place.
-    """
-    start, end = mesh.vertices[edges.T].astype(np.float64)
-    lengths = np.linalg.norm(end - start, axis=1)
-    pieces = np.ceil(lengths / spacing).astype(np.int64)
-    edge = np.repeat(np.arange(len(edges)), pieces)
-    piece = np.arange(len(edge)) - (np.cumsum(pieces) - pieces)[edge]
-    along = (piece + 0.5) / pieces[edge]
-    return start[edge] + along[:, None] * (end - start)[edge], lengths[edge] / pieces[edge]

@@ -18,6 +18,7 @@ class Segmentation:
     """
 
     floors: ClassVar[tuple[str, ...]] = ("miou", "acc")
+    ceilings: ClassVar[tuple[str, ...]] = ("parts_pred",)
 
     def __call__(self, predicted: SurfaceSamples, truth: SurfaceSamples) -> dict[str, float]:
         """Score the prediction; see the class."""

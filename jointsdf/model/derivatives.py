@@ -1,4 +1,4 @@
-"""Tangent frames and mixed second derivatives of scalar fields, by a stencil and by autograd (the tests' oracle).
+"""Tangent frames and second derivatives of scalar fields, by a stencil and by autograd (the tests' oracle).
 
 Training takes exact derivatives from `fused.evaluate`, which computes value and derivatives together.
 """
@@ -67,3 +67,10 @@ def autograd_mixed(
     along_v = (autograd_gradient(field, points) * v).sum()
     (hessian_v,) = torch.autograd.grad(along_v, points, create_graph=True)
     return (u * hessian_v).sum(-1)
+
+
+def autograd_hessian(field: ScalarField, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3 3"]:
+    """Hessian by double backward, row by row, graph kept. The points must require grad."""
+    grad = autograd_gradient(field, points)
+    rows = [torch.autograd.grad(grad[:, k].sum(), points, create_graph=True)[0] for k in range(3)]
+    return torch.stack(rows, 1)

@@ -1,8 +1,7 @@
 """The joint field: trunk and head, queried in file units, and its file."""
 
-import pickle
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -13,40 +12,24 @@ from numpy import ndarray
 from torch import Tensor, nn
 
 from jointsdf.errors import InputError, first_line
+from jointsdf.model.composition import Evaluate, evaluate_fused, evaluate_with_graph, make_trunk
+from jointsdf.model.field_file import half_state, reading
+from jointsdf.model.fused.inference import TappedHead, infer
 from jointsdf.model.heads import HEADS
 from jointsdf.model.outside import extend, onto_box, outside_box
-from jointsdf.model.query import (
-    ANSWERS,
-    Evaluate,
-    FieldQuery,
-    evaluate_fused,
-    evaluate_with_graph,
-    parse_names,
-    parse_points,
-    warn_once,
-)
-from jointsdf.model.trunk import SirenTrunk
-from jointsdf.threads import over_threads, pieces
+from jointsdf.model.query import ANSWERS, FieldQuery, join, parse_names, parse_points, short_operations, warn_once
+from jointsdf.model.sealed_file import load_sealed, save_sealed
 from jointsdf.values import UNLABELLED, Normalisation
 
-CHUNK = 16384  # points evaluated at once: their record in the fused pass takes 170 MB
-UNREADABLE = (  # errors of reading a damaged checkpoint, found by flipping bytes
-    RuntimeError,
-    LookupError,
-    EOFError,
-    TypeError,
-    AttributeError,
-    OSError,
-    ValueError,
-    pickle.UnpicklingError,
-)
+CHUNK = 65536  # points whose answers are put together before those of the next
 
 
 class JointField(nn.Module):
     """One shape's field: points in file units -> signed distance, part, logits, gradient.
 
     Args:
-        trunk: Arguments of `SirenTrunk`.
+        trunk: Arguments of `SirenTrunk`; and `far`: `none`, or `grid`: away from the surface the field is that of a
+            `FarGrid` of `far_resolution` points along each axis.
         head: `name` in `HEADS`, and that head's own arguments.
         part_ids: Original part ids, in the order of the logits.
         normalisation: File frame -> network frame.
@@ -68,7 +51,7 @@ class JointField(nn.Module):
     ) -> None:
         super().__init__()
         self.arguments = {"trunk": dict(trunk), "head": dict(head)}
-        self.trunk = SirenTrunk(**trunk)
+        self.trunk, self.far = make_trunk(**trunk)
         arguments = dict(head)
         name = arguments.pop("name")
         if name not in HEADS:
@@ -90,7 +73,7 @@ class JointField(nn.Module):
         return Normalisation(self.centre.cpu().numpy(), float(self.scale))
 
     def query(self, points: Any, *, what: str | Collection[str] = ANSWERS, differentiable: bool = False) -> FieldQuery:
-        """Evaluate the field at points of the file frame, in bounded memory.
+        """Evaluate the field at points of the file frame, beside points and answers in constant memory.
 
         Points outside the training box get a lower bound of the distance and part -1, with one `OutsideBoxWarning`: the
         root of |x - p|^2 + f(p)^2, p the projection of x onto the box, so that minus its gradient leads to the shape.
@@ -113,21 +96,25 @@ class JointField(nn.Module):
         >>> len(answer.sdf), answer.part
         (1, None)
         """
-        (rows, as_given), wanted = parse_points(points), parse_names(what)
+        wanted = parse_names(what)
         if differentiable and not isinstance(points, Tensor):
             raise InputError("differentiable=True: give the points as a tensor, which alone keeps a graph")
-        with torch.set_grad_enabled(differentiable), self._without_dropout():
-            inside = ((rows.to(self.centre) - self.centre) / self.scale).to(self.trunk.output.weight)
-            warn_once(self._said, rows, inside, self.normalisation)
+        operations = nullcontext() if differentiable else short_operations()
+        with torch.set_grad_enabled(differentiable), self._without_dropout(), operations:
+            rows, as_given = parse_points(points)
             evaluate = evaluate_with_graph if differentiable else evaluate_fused
-            answers = [self._answer(chunk, wanted, evaluate) for chunk in inside.split(CHUNK)]
-        columns = (None if column[0] is None else torch.cat(column) for column in zip(*answers, strict=True))
-        return FieldQuery(*(None if column is None else as_given(column) for column in columns))
+            columns: list[list[Any]] = [[] for _ in ANSWERS]
+            for chunk in rows.split(CHUNK):
+                inside = ((chunk.to(self.centre) - self.centre) / self.scale).to(self.trunk.output.weight)
+                warn_once(self._said, chunk, inside, self.normalisation)
+                for column, answer in zip(columns, self._answer(inside, wanted, evaluate), strict=True):
+                    column.append(answer)
+        return FieldQuery(*(None if column[0] is None else as_given(join(column)) for column in columns))
 
     def _answer(self, points: Float[Tensor, "n 3"], wanted: set[str], evaluate: Evaluate) -> FieldQuery:
         """Answers at points of the network frame, in file units."""
         projected = onto_box(points)
-        values = evaluate(self.trunk, self.head, projected, wanted)
+        values = evaluate(self.trunk, self.head, self.far, projected, wanted)
         sdf, grad = extend(points, projected, values.sdf, values.grad)
         part = None
         if "part" in wanted and values.logits is not None:
@@ -141,19 +128,23 @@ class JointField(nn.Module):
 
     def network_sdf(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         """Signed distance in network length units at points of the network frame, for the extraction."""
-        inputs = self._tensor(points)
-        sdf: ndarray = torch.cat(over_threads(self.trunk.sdf, inputs.tensor_split(pieces(inputs)))).cpu().numpy()
-        return sdf
+        values = evaluate_fused(self.trunk, self.head, self.far, self._tensor(points), {"sdf"})
+        return np.asarray(values.sdf.cpu())
+
+    def network_differential(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Float[ndarray, "n 3"]]:
+        """Signed distance and its gradient at points of the network frame, for the extraction."""
+        values = evaluate_fused(self.trunk, self.head, self.far, self._tensor(points), {"sdf", "gradient"})
+        assert values.grad is not None, "asked for"
+        return values.sdf.cpu().numpy(), values.grad.cpu().numpy()
 
     def network_part(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
         """Original part id at points of the network frame, for the extraction; -1 without a head."""
-        inputs = self._tensor(points)
+        tapped = TappedHead(self.trunk.tap, lambda features: self._parts(self.head(features)))
+        layers, output = self.trunk.sine_layers, self.trunk.output
         with self._without_dropout():
-            found = over_threads(
-                lambda piece: self._parts(self.head(self.trunk(piece)[1])), inputs.tensor_split(pieces(inputs))
-            )
-        parts: ndarray = torch.cat(found).cpu().numpy()
-        return parts
+            found = infer(layers, output, self._tensor(points), sdf=False, tapped=tapped).head
+        assert found is not None
+        return np.asarray(found.cpu())
 
     def _tensor(self, points: Float[ndarray, "n 3"]) -> Float[Tensor, "n 3"]:
         parameter = self.trunk.output.weight
@@ -174,30 +165,31 @@ class JointField(nn.Module):
             return torch.full(logits.shape[:1], UNLABELLED, device=logits.device)
         return self.part_ids[logits.argmax(-1)]
 
-    def save(self, path: Path) -> None:
-        """Write the field as plain values, which torch reads with `weights_only=True`."""
-        torch.save({"format": 1, **self.arguments, "state": self.state_dict()}, path)
+    def save(self, path: Path, *, half: bool = False) -> None:
+        """Write the field as plain values with a checksum (`model/sealed_file.py`).
+
+        Args:
+            path: The file.
+            half: Whether to round the large matrices to float16, for half the bytes; `load` gives float32 again.
+
+        Raises:
+            InputError: A weight beyond the range of float16.
+        """
+        state = {"precision": "float16", "state": half_state(self)} if half else {"state": self.state_dict()}
+        save_sealed({"format": 1, **self.arguments, **state}, path)
 
     @classmethod
     def load(cls, path: str | Path) -> "JointField":
         """Read a field written by `save`, for inference on the CPU.
 
         Raises:
-            InputError: The file is missing, truncated, or not a field.
+            InputError: The file is missing, damaged, or not a field.
         """
-        path = Path(path)
-        if not path.is_file():
-            raise InputError(f"{path}: no such field checkpoint; a finished run folder holds field.ckpt")
-        try:
-            stored = torch.load(path, map_location="cpu", weights_only=True)
-            state = stored["state"]
+        with reading(Path(path)):
+            state = (stored := load_sealed(path))["state"]
             normalisation = Normalisation(state["centre"].numpy(), float(state["scale"]))
             unfitted = {**stored["trunk"], "init": "siren"}  # the state replaces a fitted sphere, which takes seconds
             field = cls(unfitted, stored["head"], state["part_ids"].numpy(), normalisation)
             field.arguments["trunk"] = stored["trunk"]
             field.load_state_dict(state)
-        except UNREADABLE as error:
-            raise InputError(
-                f"{path}: not a readable field checkpoint ({first_line(error)}); run the fit again"
-            ) from error
         return field.eval()

@@ -18,9 +18,13 @@ def sine_(argument: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
     return argument.sin_()
 
 
-def cosine(argument: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
-    """Cosine, without gradient."""
-    return torch.from_numpy(np.cos(argument.numpy())) if _by_numpy(argument) else argument.cos()
+def cosine(argument: Float[Tensor, "*size"], out: Float[Tensor, "*size"] | None = None) -> Float[Tensor, "*size"]:
+    """Cosine, without gradient; in the memory of `out` where it is given."""
+    found = torch.empty_like(argument) if out is None else out
+    if _by_numpy(argument):
+        np.cos(argument.numpy(), out=found.numpy())
+        return found
+    return torch.cos(argument, out=found)
 
 
 def _by_numpy(argument: Tensor) -> bool:
@@ -54,8 +58,11 @@ class SineLayer(nn.Module):
         start_uniform(self.linear, weight_bound, 1 / math.sqrt(in_features) if bias_bound is None else bias_bound)
 
     def forward(self, inputs: Float[Tensor, "n i"]) -> Float[Tensor, "n o"]:
-        """Activations."""
-        return torch.sin(self.omega * self.linear(inputs))
+        """Activations; without gradients in one matrix, which the sine overwrites."""
+        if torch.is_grad_enabled():
+            return torch.sin(self.omega * self.linear(inputs))
+        weight, bias = self.linear.weight, self.linear.bias
+        return sine_(torch.addmm(bias, inputs, weight.T, beta=self.omega, alpha=self.omega))
 
 
 def hidden_sine(in_features: int, out_features: int, *, omega: float) -> SineLayer:

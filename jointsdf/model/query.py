@@ -1,25 +1,27 @@
-"""Queries of a field: parsing of points and names, evaluation of trunk and head, answers of the points' type."""
+"""Queries of a field: points and names in, answers of the points' type out."""
 
 import math
 import warnings
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from threading import RLock
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from numpy import ndarray
-from torch import Tensor, nn
+from torch import Tensor
 
 from jointsdf.errors import InputError, first_line
-from jointsdf.model.fused.evaluate import evaluate
 from jointsdf.model.outside import outside_box
-from jointsdf.model.trunk import SirenTrunk
-from jointsdf.threads import over_threads, pieces
+from jointsdf.threads import large_pieces
 from jointsdf.values import BOX, Normalisation
 
 ANSWERS = ("sdf", "part", "logits", "gradient")
 COARSE = 1e-5  # of the shape's size: steps of the points' coordinates from which a warning is given
+
+_LOCK = RLock()
 
 
 class OutsideBoxWarning(UserWarning):
@@ -44,23 +46,6 @@ class FieldQuery(NamedTuple):
     part: Any = None
     logits: Any = None
     gradient: Any = None
-
-
-class NetworkValues(NamedTuple):
-    """Values at points of the network frame, for the answers of a query; None for those it does not need.
-
-    Attributes:
-        sdf: Signed distance, network length units.
-        logits: Pre-softmax scores.
-        grad: Gradient of the signed distance, dimensionless.
-    """
-
-    sdf: Float[Tensor, " n"]
-    logits: Float[Tensor, "n k"] | None = None
-    grad: Float[Tensor, "n 3"] | None = None
-
-
-Evaluate = Callable[[SirenTrunk, nn.Module, Float[Tensor, "n 3"], set[str]], NetworkValues]
 
 
 def parse_points(given: Any) -> tuple[Float[Tensor, "n 3"], Callable[[Tensor], Any]]:
@@ -102,6 +87,13 @@ def parse_points(given: Any) -> tuple[Float[Tensor, "n 3"], Callable[[Tensor], A
     return rows, as_given
 
 
+def join(pieces: list[Tensor]) -> Tensor:
+    """Concatenate tensors and empty their list, so that of many answers only one is there twice."""
+    whole = torch.cat(pieces)
+    pieces.clear()
+    return whole
+
+
 def parse_names(what: str | Collection[str]) -> set[str]:
     """Names of the answers asked for, as a set.
 
@@ -115,25 +107,15 @@ def parse_names(what: str | Collection[str]) -> set[str]:
     return names
 
 
-def evaluate_fused(trunk: SirenTrunk, head: nn.Module, points: Float[Tensor, "n 3"], wanted: set[str]) -> NetworkValues:
-    """Evaluate trunk and head by the fused pass, or by the trunk alone where only distances are wanted."""
-    if wanted == {"sdf"}:
-        return NetworkValues(torch.cat(over_threads(trunk.sdf, points.tensor_split(pieces(points)))))
-    tap = trunk.tap if wanted & {"part", "logits"} else None
-    found = evaluate(trunk.sine_layers, trunk.output, points, grad="gradient" in wanted, tap=tap)
-    logits = None if found.feature is None else head(torch.cat([found.feature, points], -1))
-    return NetworkValues(found.sdf, logits, found.grad)
+@contextmanager
+def short_operations() -> Iterator[None]:
+    """Within the block, one thread an operation, all threads for pieces; one block at a time.
 
-
-def evaluate_with_graph(
-    trunk: SirenTrunk, head: nn.Module, points: Float[Tensor, "n 3"], wanted: set[str]
-) -> NetworkValues:
-    """Evaluate trunk and head by plain autograd, differentiable any number of times."""
-    if "gradient" in wanted and not points.requires_grad:
-        points = points.detach().requires_grad_()
-    sdf, features = trunk(points)
-    grad = torch.autograd.grad(sdf.sum(), points, create_graph=True)[0] if "gradient" in wanted else None
-    return NetworkValues(sdf, head(features) if wanted & {"part", "logits"} else None, grad)
+    Where other processes are busy, the many short operations around the pass otherwise cost a third of a query: threads
+    spin until all of them are there. The lock keeps the process's number of threads, which the block restores.
+    """
+    with _LOCK, large_pieces():
+        yield
 
 
 def warn_once(

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from jointsdf.errors import InputError, require_integer, require_number, require_one_of
-from jointsdf.model.layers import SineLayer, hidden_sine, sine_, start_uniform
+from jointsdf.model.layers import SineLayer, hidden_sine, start_uniform
 from jointsdf.values import BOX
 
 SPHERE_RADIUS = 0.5  # network length units; about the size of a part in its box
@@ -74,16 +74,6 @@ class SirenTrunk(nn.Module):
             feature = hidden if number == self.tap else feature
         sdf: Tensor = self.output(hidden).squeeze(-1)
         return sdf, torch.cat([feature, points], -1)
-
-    @torch.no_grad()
-    def sdf(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
-        """Signed distance alone, network frame, without gradient: each layer overwrites the one before it."""
-        hidden = points
-        for layer in self.sine_layers:  # the frequency goes into the weights, of which there are fewer
-            weight, bias = layer.omega * layer.linear.weight, layer.omega * layer.linear.bias
-            hidden = sine_(torch.addmm(bias, hidden, weight.T))
-        sdf: Tensor = self.output(hidden).squeeze(-1)
-        return sdf
 
     def _fit_to_sphere(self, steps: int = 200, samples: int = 1000) -> None:
         """Fit f(x) = |x| - radius on random points of the box, by Adam in about a second."""

@@ -33,7 +33,22 @@ class LaterKey(NamedTuple):
 LATER_KEYS = (
     LaterKey("optimizer.iterations", "five"),
     LaterKey("data.counts.far", 0),
+    LaterKey("trunk.far", "none", moot=("trunk.far_resolution",)),
+    LaterKey("extraction.sharp", False),
+    LaterKey("extraction.smallest_piece", 0),
+    LaterKey("extraction.simplify", 0),
+    LaterKey("data.part_points", 0),
+    LaterKey("data.denoise", False),
+    LaterKey("data.counts.per_part", 0),
+    LaterKey("trainer.refit", 0),
     LaterKey("data.region_points", 0, moot=("data.counts.regions",)),  # without such points their share is of nothing
+    LaterKey("data.crease_points", 0, moot=("data.counts.creases",)),
+    LaterKey("data.corruption.scanner.views", 0, moot=("data.corruption.scanner.noise",)),
+    LaterKey("data.corruption.scanner", {}),  # after its keys: nothing is left of it
+    LaterKey("data.corruption.density", 1),
+    *(LaterKey(f"data.corruption.{name}", 0) for name in ("missing", "outliers", "noise", "label_flip")),
+    LaterKey("data.corruption.count", None),
+    LaterKey("data.corruption", {}),
 )
 
 

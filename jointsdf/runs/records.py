@@ -1,7 +1,8 @@
 """Result rows as flat records, one per run and evaluation protocol: the columns of the CSV and of every table.
 
 Columns, left to right: the run, what is derived from its metrics, the metrics (`iou_k` last), `peak_memory_mb`,
-`seconds_*`, counts, `schema`, provenance (`versions.torch` for an entry of an entry).
+`seconds_*`, counts, `schema`, provenance (`versions.torch` for an entry of an entry). A count or fact whose name is
+taken by a section left of it, in this row or another, has that of its own section before it.
 """
 
 import math
@@ -9,28 +10,14 @@ import re
 from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
+from jointsdf.runs.columns import COUNTS, DERIVED, FACTS, MEMORY, PROVENANCE, RUN, SCHEMA_COLUMN, SECONDS
 from jointsdf.runs.provenance import UNKNOWN
 from jointsdf.runs.row import ResultRow
 
 DEFAULT_PROTOCOL = "unit"
-RUN = ["study", "variant", "recipe", "protocol", "head", "shape", "seed"]
-FACTS = ["source", "label_kind", "status", "num_parts", "steps"]
-DERIVED = {  # from a metric and its reference
-    "cd_l1_over_floor": ("cd_l1", "cd_l1_floor"),
-    "nc_minus_floor": ("nc", "nc_floor"),
-    "f1_over_floor": ("f1", "f1_floor"),
-    "miou_minus_floor": ("miou", "miou_floor"),
-    "acc_minus_floor": ("acc", "acc_floor"),
-    "consistency_minus_floor": ("consistency", "consistency_floor"),
-    "miou_exact_over_ceiling": ("miou_exact", "miou_exact_ceiling"),
-    "pieces_right": ("components", "components_gt"),
-    "euler_right": ("euler", "euler_gt"),
-    "parts_right": ("parts_pred", "parts_gt"),
-}
+HOLDOUT = "holdout"  # protocol of point clouds without a truth: held-out points
 IOU = re.compile(r"iou_(\d+)")
 MESH_FILE_SHAPE = re.compile(r".*-[0-9a-f]{6}")  # `<stem>-<6 hex digits>`, whatever the stem
-SECONDS = "seconds_"
-COUNTS = "counts."  # before a count that has a metric's name
 
 
 def source_of(shape: str) -> str:
@@ -53,27 +40,34 @@ def label_kind(provider: str) -> str:
     return provider.partition(":")[0]
 
 
-def flatten_rows(rows: Iterable[ResultRow]) -> list[dict[str, Any]]:
-    """One record per run and protocol, sorted, with the same columns in the CSV's order; None for a missing value.
+def flatten_rows(rows: Iterable[ResultRow]) -> dict[str, list[Any]]:
+    """Columns of a table with one record per run and protocol, sorted; in the CSV's order, None for a missing value.
 
-    A run without any score has one record, of protocol `unit`.
+    A run without any score has one record, of protocol `unit`. By columns, since one shape of a thousand parts gives
+    every record a thousand more.
     """
     rows = list(rows)
     metrics = {name for row in rows for scores in row.scores.values() for name in scores}
-    found = [_sections(row, protocol, metrics) for row in rows for protocol in row.scores or {DEFAULT_PROTOCOL: {}}]
+    taken = metrics | {name for row in rows for name in row.counts}
+    found = [
+        _sections(row, protocol, metrics, taken) for row in rows for protocol in row.scores or {DEFAULT_PROTOCOL: {}}
+    ]
     found.sort(key=lambda sections: [*(sections[0][name] for name in RUN), str(sections[-1].get("label_provider"))])
     columns: list[str] = []
     for section in zip(*found, strict=True):
         names = list(dict.fromkeys(name for part in section for name in part))
         outer = list(dict.fromkeys(name.partition(".")[0] for name in names))
         columns += sorted(names, key=lambda name: (_iou_last(name), outer.index(name.partition(".")[0])))
-    assert len(columns) == len(set(columns)), "a metric, count or provenance entry has the name of another column"
-    lines = [{name: value for part in sections for name, value in part.items()} for sections in found]
-    return [{name: line.get(name) for name in columns} for line in lines]
+    assert len(columns) == len(set(columns)), "`check_content` refuses the names of other columns"
+    table: dict[str, list[Any]] = {name: [None] * len(found) for name in columns}
+    for place, sections in enumerate(found):
+        for name, value in (entry for part in sections for entry in part.items()):
+            table[name][place] = value
+    return table
 
 
-def _sections(row: ResultRow, protocol: str, metrics: Container[str]) -> list[dict[str, Any]]:
-    """A record in the groups of its columns, left to right."""
+def _sections(row: ResultRow, protocol: str, metrics: Container[str], taken: Container[str]) -> list[dict[str, Any]]:
+    """A record in the groups of its columns, left to right; `taken` are the names of all metrics and counts."""
     scores = row.scores.get(protocol, {})
     run = {name: protocol if name == "protocol" else getattr(row, name) for name in RUN}
     provider = str(row.provenance.get("label_provider", UNKNOWN))
@@ -82,11 +76,11 @@ def _sections(row: ResultRow, protocol: str, metrics: Container[str]) -> list[di
         run | dict(zip(FACTS, facts, strict=True)),
         _derived(scores),
         dict(scores),
-        {"peak_memory_mb": row.peak_memory_mb},
+        {MEMORY: row.peak_memory_mb},
         {f"{SECONDS}{stage}": seconds for stage, seconds in row.seconds.items()},
         {f"{COUNTS}{name}" if name in metrics else name: count for name, count in row.counts.items()},
-        {"schema": row.schema},
-        _flat(row.provenance),
+        {SCHEMA_COLUMN: row.schema},
+        {f"{PROVENANCE}{name}" if name in taken else name: fact for name, fact in _flat(row.provenance).items()},
     ]
 
 
@@ -102,7 +96,7 @@ def _derived(scores: Mapping[str, float]) -> dict[str, float]:
         elif name.endswith("_right"):
             derived[name] = float(a == b)
         elif "_over_" in name:
-            derived[name] = a / b if b > 0 else math.nan
+            derived[name] = a / b if b > 0 and abs(a / b) < math.inf else math.nan
         else:
             derived[name] = a - b
     return derived
@@ -118,7 +112,6 @@ def _flat(provenance: Mapping[str, Any]) -> dict[str, Any]:
     """One level of nesting as dotted names."""
     flat: dict[str, Any] = {}
     for name, value in provenance.items():
-        assert "." not in name, name
         nested = isinstance(value, Mapping) and value
         flat |= {f"{name}.{key}": item for key, item in value.items()} if nested else {name: value}
     return flat

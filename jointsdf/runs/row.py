@@ -1,19 +1,23 @@
 """Result row of one run: typed, written last and atomically. No number comes from a log. Imports no torch."""
 
-import hashlib
 import json
 import math
+import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NoReturn, get_origin
+from typing import Any
 
 import numpy as np
 
+from jointsdf.errors import DamagedFile, InputError, shown
 from jointsdf.runs.files import write_atomically
+from jointsdf.runs.row_content import AGAIN, SCHEMA, check_content
+from jointsdf.runs.seals import canonical_hash, require_sealed, seal, unseal
+from jointsdf.runs.stored_json import read_json
 
-SCHEMA = 1
 ROW_FILE = "result.json"
+MOST_SHOWN = 4096  # characters of a path in a message
 Fact = str | int | float | bool | dict[str, Any]
 
 
@@ -62,14 +66,24 @@ def run_key(row: ResultRow) -> tuple[str, ...]:
     return (*names, str(row.provenance.get("label_provider")))
 
 
+def score_of(row: ResultRow, protocol: str, metric: str) -> float:
+    """A score, NaN where the row has none: a row of a stranger need not have those of this program's protocols."""
+    return row.scores.get(protocol, {}).get(metric, math.nan)
+
+
 def write_row(folder: Path, row: ResultRow) -> Path:
-    """Write the row as `result.json` of a run folder: strict JSON, NaN and infinities as null.
+    """Write the row as `result.json` of a run folder: strict JSON, NaN and infinities as null; with `seals.py`.
 
     Raises:
+        InputError: An entry has a name that is another column's, or that no table can show.
         OSError: The folder cannot be written or the disk is full. No partial row is left.
     """
-    path = folder / ROW_FILE
-    write_atomically(path, json.dumps(_plain(asdict(row)), indent=2, allow_nan=False) + "\n")
+    path, content = folder / ROW_FILE, _plain(asdict(row))
+    try:
+        check_content(content)
+    except ValueError as error:
+        raise InputError(f"{path} is not written, since it could not be read: {error}") from error
+    write_atomically(path, json.dumps(seal(content, folder), indent=2, allow_nan=False) + "\n")
     return path
 
 
@@ -77,14 +91,19 @@ def read_row(path: Path) -> ResultRow:
     """Read a row written by `write_row`; null numbers come back as NaN.
 
     Raises:
-        ValueError: The file is not a row of this schema. One line: the file, what is wrong, the fix.
-        OSError: The file cannot be opened.
+        DamagedFile: The file is missing, cannot be opened, was changed since, or is not a row of this schema. One line,
+            with the fix.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
-        return parse_row(content)
+        content = read_json(path)
+        row = parse_row(unseal(content))
+        require_sealed(content)
+        return row
+    except FileNotFoundError as error:
+        raise DamagedFile(f"{shown(path, MOST_SHOWN)}: no such file; the same train.py command makes it") from error
     except ValueError as error:
-        raise ValueError(f"{path}: not a readable result row: {error}") from error
+        fix = "" if ";" in str(error) else f"; {AGAIN}"
+        raise DamagedFile(f"{shown(path, MOST_SHOWN)}: not a readable result row: {error}{fix}") from error
 
 
 def read_rows(root: Path) -> tuple[list[ResultRow], list[str]]:
@@ -98,46 +117,33 @@ def read_rows(root: Path) -> tuple[list[ResultRow], list[str]]:
     """
     rows: dict[tuple[str, ...], tuple[ResultRow, Path]] = {}
     problems: list[str] = []
-    for path in sorted(root.rglob(ROW_FILE)):
+    for path in _row_files(root):
         try:
             row = read_row(path)
-        except (ValueError, OSError) as error:
+        except DamagedFile as error:
             problems.append(str(error))
             continue
         key = run_key(row)
         if key in rows:
-            problems.append(f"{path}: left out, the same run as {rows[key][1]}; delete one of the two")
+            twin = shown(rows[key][1], MOST_SHOWN)
+            problems.append(f"{shown(path, MOST_SHOWN)}: left out, the same run as {twin}; delete one of the two")
         else:
             rows[key] = (row, path)
     return [row for row, _ in rows.values()], problems
 
 
+def _row_files(root: Path) -> list[Path]:
+    """Whatever has the name of a row below a folder, broken links too, which `Path.rglob` leaves out; sorted."""
+    return sorted(Path(folder, ROW_FILE) for folder, *names in os.walk(root) if any(ROW_FILE in kind for kind in names))
+
+
 def parse_row(content: Any) -> ResultRow:
-    """Validate the content of a `result.json` and build its row.
+    """Check the content of a `result.json` and build its row.
 
     Raises:
         ValueError: It is not a row of this schema. One line, with the fix.
     """
-    again = "delete the file and run that fit again"
-    if not isinstance(content, dict) or not isinstance(content.get("schema"), int):
-        raise ValueError(f"no schema number in it; {again}")
-    if content["schema"] != SCHEMA:
-        newer = content["schema"] > SCHEMA
-        fix = f"newer than {SCHEMA}: update jointsdf" if newer else f"older than {SCHEMA}: {again}"
-        raise ValueError(f"schema {content['schema']} is {fix}")
-    kinds: dict[str, Any] = {field.name: get_origin(field.type) or field.type for field in fields(ResultRow)}
-    if names := sorted(kinds.keys() ^ content.keys()):
-        raise ValueError(f"missing or unknown keys: {', '.join(names)}; {again}")
-    try:
-        content["counts"] = {name: int(value) for name, value in content["counts"].items()}
-        content["seconds"] = _floats(content["seconds"])
-        content["peak_memory_mb"] = _floats({"peak": content["peak_memory_mb"]})["peak"]
-        content["scores"] = {protocol: _floats(values) for protocol, values in content["scores"].items()}
-    except (ValueError, TypeError, AttributeError) as error:
-        raise ValueError(f"counts, seconds, peak_memory_mb and scores must hold numbers; {again}") from error
-    if wrong := [name for name, kind in kinds.items() if not isinstance(content[name], kind)]:
-        raise ValueError(f"wrong type of {', '.join(wrong)}; {again}")
-    return ResultRow(**content)
+    return ResultRow(**check_content(content))
 
 
 def config_hash(resolved: Mapping[str, Any]) -> str:
@@ -146,8 +152,7 @@ def config_hash(resolved: Mapping[str, Any]) -> str:
     >>> config_hash({"seed": 0, "head": "siren"}) == config_hash({"head": "siren", "seed": 0})
     True
     """
-    canonical = json.dumps(_plain(resolved), sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(canonical.encode()).hexdigest()[:16]
+    return canonical_hash(_plain(resolved))[:16]
 
 
 def _plain(value: Any) -> Any:
@@ -159,11 +164,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         value = value.item()
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _refuse_constant(token: str) -> NoReturn:
-    raise ValueError(f"{token} is not JSON; delete the file and run that fit again")
-
-
-def _floats(values: dict[str, Any]) -> dict[str, float]:
-    return {name: math.nan if value is None else float(value) for name, value in values.items()}

@@ -21,7 +21,7 @@ from jointsdf.shapes.readers.triangles import read_triangles
 from jointsdf.shapes.repair import repair_mesh
 from jointsdf.shapes.units import AUTO, choose_unit
 from jointsdf.user_paths import expand_home
-from jointsdf.values import ASSUMED_UNIT, UNLABELLED, LabelledMesh, Shape
+from jointsdf.values import ASSUMED_UNIT, UNLABELLED, LabelledMesh, Shape, Subject
 
 ABC_MISSING = ("fallback", "error")
 SUGGESTIONS = 4  # near names in the message about an unknown one
@@ -108,14 +108,14 @@ def load(
     return replace(loaded, unit=choose_unit(shape, loaded.unit, unit))
 
 
-def require_parts(shape: Shape) -> None:
+def require_parts(shape: Subject) -> None:
     """Refuse a shape that a segmentation has nothing to learn from.
 
     Raises:
         InputError: It has fewer than two labelled parts.
     """
-    if len(shape.mesh.part_ids) < 2:
-        found = "no part labels" if len(shape.mesh.part_ids) == 0 else "only one part"
+    if len(shape.part_ids) < 2:
+        found = "no part labels" if len(shape.part_ids) == 0 else "only one part"
         raise InputError(f"{shape.name} has {found}: give labels=<file.npy>, or head=none to fit it without parts")
 
 

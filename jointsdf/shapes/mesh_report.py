@@ -7,12 +7,13 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from jointsdf.geometry.mesh import face_areas, face_normals
+from jointsdf.geometry.mesh import face_areas, face_normals, part_areas
+from jointsdf.geometry.part_widths import part_widths
 from jointsdf.geometry.rays import ray_lengths
 from jointsdf.geometry.sampling import sample_by_area
 from jointsdf.geometry.topology import count_cavities, count_components
 from jointsdf.geometry.winding import WindingNumber
-from jointsdf.values import UNLABELLED, LabelledMesh, Shape, Unit
+from jointsdf.values import LabelledMesh, Shape, Unit
 
 SAMPLES, WINDINGS = 10000, 2000  # points on the surface for rays, and for winding numbers
 CONTACT = 1e-4  # of the longest side: faces nearer than that may touch
@@ -43,6 +44,7 @@ class MeshReport:
         unit: Of the file.
         wall: Thickness that 1% of the surface's walls are below; infinite where no ray meets a wall.
         parts: Each part's id and share of the area, largest first.
+        widths: Of each part (`geometry/part_widths.py`), by its id.
     """
 
     name: str
@@ -58,6 +60,7 @@ class MeshReport:
     unit: Unit
     wall: float
     parts: tuple[tuple[int, float], ...]
+    widths: dict[int, float]
 
     def lines(self, cell: float) -> list[str]:
         """The report as text, at most a screen.
@@ -125,10 +128,8 @@ class MeshReport:
 def mesh_report(shape: Shape) -> MeshReport:
     """Measure a shape in the file frame. The sample points are the same in every run."""
     mesh = shape.mesh
-    areas = face_areas(mesh)
-    labelled = mesh.labels != UNLABELLED
-    part_areas = np.bincount(np.searchsorted(mesh.part_ids, mesh.labels[labelled]), areas[labelled])
-    order = np.argsort(-part_areas, kind="stable")
+    areas, of_parts = face_areas(mesh), part_areas(mesh)
+    order = np.argsort(-of_parts, kind="stable")
     vertices, size = _to_unit_box(mesh)
     corners = vertices[mesh.faces]
     points, faces = sample_by_area(vertices, mesh.faces, areas, SAMPLES, np.random.default_rng(0))
@@ -149,7 +150,8 @@ def mesh_report(shape: Shape) -> MeshReport:
         _buried(vertices, mesh.faces, points, normals),
         shape.unit,
         wall,
-        tuple((int(mesh.part_ids[part]), float(part_areas[part] / areas.sum())) for part in order),
+        tuple((int(mesh.part_ids[part]), float(of_parts[part] / areas.sum())) for part in order),
+        dict(zip(mesh.part_ids.tolist(), part_widths(mesh).tolist(), strict=True)),
     )
 
 

@@ -6,8 +6,8 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from jointsdf.geometry.distance import ClosestPoint
+from jointsdf.geometry.piercings import find_piercings
 from jointsdf.geometry.winding import WindingNumber
-from jointsdf.shapes.overlaps import find_piercings
 from jointsdf.values import LabelledMesh
 
 POINTS = 8  # of a body that are asked whether they are inside another one

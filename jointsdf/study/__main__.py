@@ -57,8 +57,8 @@ def _run(options: argparse.Namespace) -> None:
         path, count, problems = commit_rows(options.outputs / options.study, options.results)
         log.info("\n".join([*problems, f"{path}: {count} runs"]))
         return
-    rows = load_rows(options.outputs, options.results, options.heads)
-    written = write_tables(rows, options.outputs, options.results, options.heads)
+    rows, passed_over = load_rows(options.outputs, options.results, options.heads)
+    written = write_tables(rows, options.outputs, options.results, options.heads, passed_over)
     if options.command == "report":
         written.append(compile_pdf(written[-1]))
     shown = [path for path in written if SUFFIX not in path.name]

@@ -29,6 +29,8 @@ def caption(what: str, comparison: Comparison, *, unequal: bool, averaged: bool 
         UNRANKED if unequal else "",
         _left_out(comparison.dropped),
         name_missing(run for run in comparison.group.missing if run.head != BASELINE or BASELINE in comparison.heads),
+        _count_passed_over(comparison.group.passed_over),
+        name_corruptions(comparison.runs),
         name_empty_runs(comparison.runs),
         _name_changed_truth(comparison.runs),
         _changed_settings(comparison.runs),
@@ -36,9 +38,17 @@ def caption(what: str, comparison: Comparison, *, unequal: bool, averaged: bool 
     return " ".join(sentence for sentence in sentences if sentence)
 
 
+def name_corruptions(runs: pd.DataFrame) -> str:
+    """Name what the training clouds of the runs suffer."""
+    if "corruption" not in runs or runs["corruption"].isna().all():
+        return ""
+    kinds = sorted(map(str, runs["corruption"].fillna("none").unique()))
+    return f"Corruption of the training cloud: {'; '.join(kinds)}."
+
+
 def name_empty_runs(runs: pd.DataFrame) -> str:
     """Name the runs without a mesh, whose distances are missing and whose shares are 0."""
-    failed = runs[runs["status"] != "ok"]
+    failed = runs.loc[runs["status"] != "ok", ["head", "shape", "seed", "status"]]
     names = [f"{run.head} on {run.shape} (seed {run.seed}, {run.status})" for run in failed.itertuples()]
     return f"Without a mesh: {shorten(names)}." if names else ""
 
@@ -59,6 +69,11 @@ def _left_out(dropped: dict[str, list[str]]) -> str:
     """Name the dropped shapes with the heads that lack them."""
     names = [f"{shape} (no {', '.join(heads)})" for shape, heads in dropped.items()]
     return f"Left out: {shorten(names, '; ')}." if names else ""
+
+
+def _count_passed_over(passed_over: int) -> str:
+    """Count the files that were passed over; the command that made the table has named them."""
+    return f"Files that cannot be read or repeat a run, and are left out: {passed_over}." if passed_over else ""
 
 
 def _name_changed_truth(runs: pd.DataFrame) -> str:

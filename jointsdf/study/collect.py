@@ -1,12 +1,14 @@
 """Result rows as one DataFrame: a line per run and evaluation protocol."""
 
 import logging
+import os
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from jointsdf.runs.csv import read_committed
+from jointsdf.runs.plan import PLAN, read_plan
 from jointsdf.runs.records import flatten_rows
 from jointsdf.runs.row import ResultRow, read_rows, run_key
 
@@ -18,20 +20,25 @@ def collect(rows: Sequence[ResultRow]) -> pd.DataFrame:
     return pd.DataFrame(flatten_rows(rows))
 
 
-def load_rows(outputs: Path, results: Path, heads: Collection[str] | None = None) -> list[ResultRow]:
-    """Load the rows of all runs below a folder, and the committed rows of other runs; problems are logged.
+def load_rows(outputs: Path, results: Path, heads: Collection[str] | None = None) -> tuple[list[ResultRow], int]:
+    """Load the rows of all runs below a folder, and the committed rows of other runs.
 
     Args:
         outputs: Folder of the runs.
         results: Folder of the committed studies; a missing one holds none.
         heads: Only these heads; None for all.
 
+    Returns:
+        The rows; and the number of files that were passed over, of rows or plans, each of which is logged.
+
     Raises:
         ValueError: There is no readable row, or none of a head. One line, with the fix.
     """
     rows, problems = read_rows(outputs)
     committed, more = read_committed(results)
-    for problem in problems + more:
+    plans = [read_plan(study)[1] for study in sorted(outputs.glob("*")) if os.path.lexists(study / PLAN)]
+    problems += [*more, *filter(None, plans)]
+    for problem in problems:
         log.warning(problem)
     here = {run_key(row) for row in rows}
     rows += [row for row in committed if run_key(row) not in here]
@@ -40,4 +47,4 @@ def load_rows(outputs: Path, results: Path, heads: Collection[str] | None = None
     known = sorted({row.head for row in rows})
     if unknown := [name for name in heads or [] if name not in known]:
         raise ValueError(f"heads: no row of {', '.join(unknown)!r}; there are rows of {', '.join(known)}")
-    return rows if heads is None else [row for row in rows if row.head in heads]
+    return [row for row in rows if heads is None or row.head in heads], len(problems)

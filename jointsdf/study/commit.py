@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from jointsdf.runs.csv import FILE, rows_from_csv, rows_to_csv
+from jointsdf.runs.csv import FILE, read_csv, rows_to_csv
 from jointsdf.runs.files import write_atomically
 from jointsdf.runs.row import ResultRow, read_rows, run_key
 
@@ -18,16 +18,13 @@ def commit_rows(study: Path, results: Path) -> tuple[Path, int, list[str]]:
         The file, the number of its rows, and a line for each row that was left out.
 
     Raises:
-        ValueError: There is no row, or the file is damaged. One line, with the fix.
+        ValueError: There is no row, or the file is damaged; it is left as it is. One line, with the fix.
     """
     rows, problems = read_rows(study)
     path = results / study.name / FILE
     merged: dict[tuple[str, ...], ResultRow] = {}
     if path.is_file():
-        try:
-            merged = {run_key(row): row for row in rows_from_csv(path.read_text(encoding="utf-8"))}
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from error
+        merged = {run_key(row): row for row in read_csv(path)}
     if not rows:
         raise ValueError(f"{study}: no result rows below it; `python train.py sweeps={study.name}` makes them")
     merged |= {run_key(row): row for row in rows}

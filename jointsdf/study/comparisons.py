@@ -3,6 +3,7 @@
 import math
 import re
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import pandas as pd
 
@@ -32,7 +33,12 @@ class Comparison:
 
     def of(self, head: str) -> pd.DataFrame:
         """The runs of one head."""
-        return self.runs[self.runs["head"] == head]
+        return self._by_head.get(head, self.runs[:0])
+
+    @cached_property
+    def _by_head(self) -> dict[str, pd.DataFrame]:
+        """The runs of each head, taken from the table once: every metric asks for them."""
+        return {str(head): part for head, part in self.runs.groupby("head")}
 
 
 def compare(group: Group, *, baseline: bool) -> Comparison:
@@ -44,7 +50,7 @@ def compare(group: Group, *, baseline: bool) -> Comparison:
     """
     runs = group.runs if baseline else group.runs[group.runs["head"] != BASELINE]
     shapes, dropped = common_shapes(runs)
-    heads = sorted(set(runs["head"]), key=lambda head: (head not in HEAD_ORDER, _place(head), natural_key(head)))
+    heads = sorted(runs["head"].unique(), key=lambda head: (head not in HEAD_ORDER, _place(head), natural_key(head)))
     return Comparison(group, heads, shapes, dropped, runs[runs["shape"].isin(shapes)])
 
 

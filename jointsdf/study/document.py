@@ -60,7 +60,11 @@ def compile_pdf(path: Path) -> Path:
         fix = "install one, e.g. texlive-latex-recommended"
         raise ValueError(f"{path} is written, its PDF is not: no TeX found; {fix}")
     path.with_suffix(".pdf").unlink(missing_ok=True)
-    options = [] if engine == "tectonic" else ["-interaction=nonstopmode", "-halt-on-error", "-file-line-error"]
+    options = (
+        []
+        if engine == "tectonic"
+        else ["-no-shell-escape", "-interaction=nonstopmode", "-halt-on-error", "-file-line-error"]
+    )
     done = subprocess.run([engine, *options, path.name], cwd=path.parent, capture_output=True, check=False)
     if done.returncode:
         said = done.stdout.decode(errors="replace").splitlines()

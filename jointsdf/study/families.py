@@ -32,7 +32,7 @@ def join_variants(groups: Sequence[Group]) -> list[Family]:
         members.sort(key=lambda group: natural_key(group.key["variant"]))
         variants_of: dict[str, list[str]] = {}
         for group in members:
-            for head in sorted(set(group.runs["head"]) - {BASELINE}):
+            for head in sorted(set(group.runs["head"].unique()) - {BASELINE}):
                 variants_of.setdefault(head, []).append(group.key["variant"])
         variants_of = {head: variants for head, variants in variants_of.items() if len(variants) > 1}
         if variants_of:
@@ -58,9 +58,10 @@ def groups_with_own_tables(groups: Sequence[Group], related: Sequence[Family]) -
 
 def _covers(family: Group, group: Group) -> bool:
     """True if the family's group has every run of one of its variants' groups."""
-    alike = all(family.key[name] == group.key[name] for name in GROUP if name != "variant")
-    arms = {_arm(head, group.key["variant"]) for head in set(group.runs["head"]) - {BASELINE}}
-    return alike and arms <= set(family.runs["head"])
+    if any(family.key[name] != group.key[name] for name in GROUP if name != "variant"):
+        return False
+    arms = {_arm(head, group.key["variant"]) for head in group.runs["head"].unique() if head != BASELINE}
+    return arms <= set(family.runs["head"].unique())
 
 
 def _arm(head: str, variant: str) -> str:
@@ -75,4 +76,4 @@ def _join(key: tuple[str, ...], members: Sequence[Group], arms: Set[str]) -> Gro
     missing = [replace(run, head=_arm(run.head, run.variant)) for group in members for run in group.missing]
     runs = runs[runs["head"].isin(arms)]
     named = members[0].key | {"variant": "; ".join(runs["variant"].unique())}
-    return Group(named, SUFFIX + file_words(key), runs, runs[:0], missing)
+    return Group(named, SUFFIX + file_words(key), runs, runs[:0], missing, members[0].passed_over)

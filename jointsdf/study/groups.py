@@ -1,11 +1,13 @@
 """Groups of comparable runs: same study, recipe, variant, source of shapes, kind of labels and protocol."""
 
+import hashlib
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
 
+from jointsdf.runs.columns import READ_FACTS, SCHEMA_COLUMN
 from jointsdf.runs.records import DEFAULT_PROTOCOL, source_of
 from jointsdf.study.missing_runs import MissingRun
 
@@ -13,6 +15,7 @@ GROUP = ["study", "recipe", "variant", "source", "label_kind", "protocol"]
 BASELINE = "none"
 BUDGET = ("steps", "resolution", "parameters_trunk")
 SUFFIX = "--"  # between a table's name and its group
+LONGEST = 160  # characters of a group in a file's name
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,7 @@ class Group:
         borrowed: Baseline runs of another study, where this one has none: same recipe, variant, shapes' source,
             protocol and budget.
         missing: Planned runs of the study that have no result.
+        passed_over: Number of files of rows or plans that cannot be read, or repeat a run, of any study.
     """
 
     key: dict[str, str]
@@ -33,6 +37,7 @@ class Group:
     runs: pd.DataFrame
     borrowed: pd.DataFrame
     missing: list[MissingRun]
+    passed_over: int = 0
 
     @property
     def borrowed_from(self) -> str:
@@ -40,7 +45,7 @@ class Group:
         return "" if self.borrowed.empty else str(self.borrowed["study"].iloc[0])
 
 
-def group_runs(runs: pd.DataFrame, missing: Sequence[MissingRun] = ()) -> list[Group]:
+def group_runs(runs: pd.DataFrame, missing: Sequence[MissingRun] = (), passed_over: int = 0) -> list[Group]:
     """Group the runs that are comparable, the default group first.
 
     The default is the group of protocol `unit` with most runs. Baseline runs (head `none`) do not use labels, so they
@@ -49,7 +54,11 @@ def group_runs(runs: pd.DataFrame, missing: Sequence[MissingRun] = ()) -> list[G
     Args:
         runs: Lines of `collect`.
         missing: Planned runs without a result, of any study.
+        passed_over: Number of files that `load_rows` passed over.
     """
+    names = list(runs)
+    unread = [name for name in names[names.index(SCHEMA_COLUMN) + 1 :] if name not in READ_FACTS]
+    runs = runs.drop(columns=unread)  # a fifth of the columns, of text, which a selection copies one by one
     baseline = runs[runs["head"] == BASELINE]
     other = [column for column in GROUP if column != "label_kind"]
     alone = pd.Series(True, index=baseline.index)
@@ -62,13 +71,15 @@ def group_runs(runs: pd.DataFrame, missing: Sequence[MissingRun] = ()) -> list[G
     parts += [(tuple(map(str, key)), part) for key, part in rest.groupby(GROUP)]
     parts.sort(key=lambda item: (item[0][-1] != DEFAULT_PROTOCOL, -len(item[1]), item[0]))
     suffixes = _suffixes([key for key, _ in parts])
+    offered = _budgets(baseline)
     return [
         Group(
             dict(zip(GROUP, key, strict=True)),
             suffix,
             part,
-            _borrow_baseline(part, baseline),
+            _borrow_baseline(part, baseline, offered),
             _missing_of(key, missing),
+            passed_over,
         )
         for (key, part), suffix in zip(parts, suffixes, strict=True)
     ]
@@ -80,15 +91,25 @@ def _missing_of(key: tuple[str, ...], missing: Sequence[MissingRun]) -> list[Mis
     return [run for run in missing if (run.study, run.variant, source_of(run.shape)) == wanted]
 
 
-def _borrow_baseline(part: pd.DataFrame, baseline: pd.DataFrame) -> pd.DataFrame:
-    """Baseline runs for a group without any, from the other study that covers most of its shapes."""
-    same = [name for name in ("recipe", "variant", "source", "protocol", *BUDGET) if name in part]
-    usable = baseline[baseline["study"] != part["study"].iloc[0]]
+def _budgets(runs: pd.DataFrame) -> list[tuple[object, ...]]:
+    """What a run must share with a baseline run that it borrows."""
+    names = [name for name in ("shape", "recipe", "variant", "source", "protocol", *BUDGET) if name in runs]
+    return list(zip(*(runs[name].tolist() for name in names), strict=True))
+
+
+def _borrow_baseline(part: pd.DataFrame, baseline: pd.DataFrame, offered: Sequence[tuple[object, ...]]) -> pd.DataFrame:
+    """Baseline runs for a group without any, from the other study that covers most of its shapes.
+
+    Args:
+        part: The group's runs.
+        baseline: Those of every study.
+        offered: Their `_budgets`.
+    """
     if (part["head"] == BASELINE).any():
-        return usable[:0]
-    wanted = set(part[["shape", *same]].itertuples(index=False, name=None))
-    offered = usable[["shape", *same]].itertuples(index=False, name=None)
-    usable = usable[pd.Series([run in wanted for run in offered], index=usable.index, dtype=bool)]
+        return baseline[:0]
+    wanted = set(_budgets(part))
+    alike = pd.Series([run in wanted for run in offered], index=baseline.index, dtype=bool)
+    usable = baseline[alike & (baseline["study"] != part["study"].iloc[0])]
     studies = usable.groupby("study")["shape"].nunique()
     return usable if studies.empty else usable[usable["study"] == studies.idxmax()]
 
@@ -103,5 +124,8 @@ def _suffixes(keys: list[tuple[str, ...]]) -> Iterator[str]:
 
 
 def file_words(key: tuple[str, ...]) -> str:
-    """A group's key as part of a file's name."""
-    return "-".join(dict.fromkeys(re.sub(r"[^A-Za-z0-9_=+.]+", "-", word) for word in key))  # no word twice
+    """A group's key as part of a file's name; of a long one its beginning and a hash."""
+    words = "-".join(dict.fromkeys(re.sub(r"[^A-Za-z0-9_=+.]+", "-", word) for word in key))  # no word twice
+    if len(words) <= LONGEST:
+        return words
+    return f"{words[:LONGEST]}-{hashlib.sha256(words.encode()).hexdigest()[:8]}"

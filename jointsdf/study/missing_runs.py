@@ -4,8 +4,9 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from jointsdf.runs.plan import PLAN, planned_runs
 from jointsdf.runs.row import ResultRow
-from jointsdf.runs.status import PLAN, planned_runs, read_state
+from jointsdf.runs.status import read_state
 
 SHOWN = 12  # names in a list; of more, their count
 

@@ -1,12 +1,15 @@
 """Status of a study as text: per variant a grid of heads by shapes, failures with their reasons, time left."""
 
+import math
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 from statistics import fmean
 
+from jointsdf.errors import DamagedFile
+from jointsdf.runs.plan import read_plan
 from jointsdf.runs.row import ROW_FILE, read_row
-from jointsdf.runs.status import TRACEBACK, RunState, duration, planned_runs, read_state
+from jointsdf.runs.status import TRACEBACK, RunState, duration, read_state
 
 COUNTED = ("done", "running", "failed", "damaged", "stopped", "missing")
 
@@ -20,24 +23,27 @@ def format_status(study: Path) -> str:
     Raises:
         ValueError: There are no runs in it. One line, with the fix.
     """
-    folders = dict.fromkeys([*planned_runs(study), *sorted(study.glob("*/*/*/seed*"))])
+    planned, damaged = read_plan(study)
+    folders = dict.fromkeys([*planned, *sorted(study.glob("*/*/*/seed*"))])
     if not folders:
-        raise ValueError(f"{study}: no runs there; `python train.py sweeps={study.name}` starts a stored sweep")
+        said = damaged or f"{study}: no runs there"
+        raise ValueError(f"{said}; `python train.py sweeps={study.name}` starts a stored sweep")
     states = {folder: read_state(folder) for folder in folders}
     cells = {folder: _cell(found) for folder, found in states.items()}
     kinds: Counter[str] = Counter(found.kind for found in states.values())
     seconds: list[float] = []
-    problems: list[str] = []
+    problems = [f"damaged: {line}" for line in (damaged, *(found.problem for found in states.values())) if line]
     for folder, found in states.items():
         if found.kind == "failed":
             problems.append(f"failed: {folder}: {found.error} ({TRACEBACK} there)")
         if found.kind == "done":
             try:
-                seconds.append(read_row(folder / ROW_FILE).seconds["total"])
-            except (ValueError, KeyError) as error:
+                seconds.append(read_row(folder / ROW_FILE).seconds.get("total", math.nan))
+            except DamagedFile as error:
                 cells[folder] = "damaged"
                 kinds.update(done=-1, damaged=1)
                 problems.append(f"damaged: {error}")
+    seconds = [total for total in seconds if math.isfinite(total)]
     counts = ", ".join(f"{kinds[kind]} {kind}" for kind in COUNTED if kinds[kind])
     left = len(folders) - kinds["done"] - kinds["failed"]
     if seconds and left:

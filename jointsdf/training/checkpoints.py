@@ -1,6 +1,5 @@
 """Checkpoints of a fit, written every so many seconds and at a stop, always between two steps."""
 
-import pickle
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,11 +8,14 @@ from typing import Any, NamedTuple
 
 import torch
 from lightning import Callback, LightningModule, Trainer
+from lightning.pytorch.plugins.io import TorchCheckpointIO
 
 from jointsdf.errors import InputError
+from jointsdf.model.sealed_file import load_sealed, save_sealed
 from jointsdf.runs.files import replacing
 from jointsdf.training.interruption import StopRequests
 from jointsdf.training.module import JointSDFModule
+from jointsdf.training.restoring import DAMAGE
 
 
 @dataclass
@@ -32,6 +34,14 @@ class TrainingClock:
     def seconds(self) -> float:
         """Seconds of training until now."""
         return self.before + time.monotonic() - self.started
+
+
+class SealedCheckpoints(TorchCheckpointIO):
+    """Writes checkpoints with a checksum, and at once in their folder: not in the system's for temporary files."""
+
+    def save_checkpoint(self, checkpoint: dict[str, Any], path: str | Path, storage_options: Any = None) -> None:  # noqa: ARG002
+        """Write a checkpoint; Lightning calls this."""
+        save_sealed(checkpoint, path)
 
 
 class Checkpoints(Callback):
@@ -122,10 +132,10 @@ def read_checkpoint(path: Path, module: JointSDFModule) -> StoredCheckpoint:
     if not path.is_file():
         return StoredCheckpoint(0, None)
     try:
-        checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+        checkpoint = load_sealed(path)
         state, step = checkpoint["state_dict"], int(checkpoint["global_step"])
         products = checkpoint.get("callbacks", {}).get("Checkpoints", {}).get("products")
-    except (RuntimeError, KeyError, EOFError, TypeError, ValueError, pickle.UnpicklingError) as error:
+    except DAMAGE as error:
         raise InputError(f"{path}: damaged checkpoint; resume=never starts the fit over") from error
     sizes = {name: tuple(tensor.shape) for name, tensor in module.state_dict().items()}
     for name in sorted(sizes.keys() | state.keys()):

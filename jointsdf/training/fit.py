@@ -1,6 +1,5 @@
 """The fit: Lightning's loop around the module, resumed from its checkpoint."""
 
-import errno
 import logging
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -18,13 +17,16 @@ from jointsdf.model.field import JointField
 from jointsdf.runs.files import replacing
 from jointsdf.runs.folder import BOARD, CHECKPOINT
 from jointsdf.threads import workers
-from jointsdf.training.checkpoints import Checkpoints, read_checkpoint
+from jointsdf.training.checkpoints import Checkpoints, SealedCheckpoints, read_checkpoint
 from jointsdf.training.interruption import StopRequests
+from jointsdf.training.last_layer import refit_last_layer
 from jointsdf.training.matrix_products import Products
 from jointsdf.training.module import JointSDFModule
 from jointsdf.training.product_choice import choice_record, machine_kind, set_products
 from jointsdf.training.progress import Progress, StatusFile
+from jointsdf.training.restoring import Restoring
 from jointsdf.training.settings import FitSettings
+from jointsdf.values import LabelledPoints
 
 log = logging.getLogger(__name__)
 
@@ -58,15 +60,17 @@ def fit(
     folder: Path,
     machine: FitMachine,
     *,
+    labelled: LabelledPoints | None = None,
     preview: Callable[[SummaryWriter], Callback] | None = None,
 ) -> tuple[float, dict[str, str | int]]:
-    """Train to the module's `max_steps`, resuming from the folder's checkpoint if there is one.
+    """Train to the module's `max_steps`, resuming from the folder's checkpoint if there is one; refit the last layer.
 
     Args:
         module: Module to train; on the CPU and in evaluation mode afterwards.
         data: Samples of each step.
         folder: The run folder.
         machine: Device, matrix products and checkpoint interval.
+        labelled: Points to which the head's last layer is refitted after the steps; None for no refit.
         preview: Makes the callback that previews the run.
 
     Returns:
@@ -78,7 +82,12 @@ def fit(
         SystemExit: Ctrl-C or SIGTERM; the checkpoint is written.
     """
     path, steps, threads = folder / CHECKPOINT, module.settings.max_steps, workers()
-    done, before = read_checkpoint(path, module)
+    restoring = Restoring(path)
+    with restoring.errors():
+        done, before = read_checkpoint(path, module)
+        if not 0 <= done <= steps:
+            raise ValueError(f"step {done} of {steps}")
+    restoring.step = done
     gpu = machine.accelerator != "cpu" and torch.cuda.is_available()
     sizes = replace(module.sizes, device=torch.device("cuda" if gpu else "cpu"))
     module.products = set_products(machine.products, sizes, before)
@@ -88,17 +97,19 @@ def fit(
     stop = StopRequests()
     checkpoints = Checkpoints(path, machine.checkpoint_seconds, stop, done, choice_record(module.products, sizes))
     callbacks: list[Callback] = [checkpoints, LearningRateMonitor("step"), StatusFile(folder, checkpoints.clock)]
-    callbacks += [Progress(steps)]
+    callbacks += [Progress(steps), restoring]
     callbacks += [preview(logger.experiment)] if preview else []
     trainer = _trainer(machine.accelerator, module.settings, logger, callbacks)
     try:
-        with stop.handled():
+        with stop.handled(), restoring.errors():
             trainer.fit(module, datamodule=data, ckpt_path=path if done else None, weights_only=True)
     except SystemExit:
         log.warning("stopped after step %d of %d; the same command goes on from there", checkpoints.saved_step, steps)
         raise
     device = torch.cuda.get_device_name(module.device) if module.device.type == "cuda" else module.device.type
     module.to("cpu").eval()
+    if labelled is not None:
+        refit_last_layer(module.field, labelled, module.settings.refit)
     return checkpoints.clock.seconds, asdict(module.products) | {
         "threads": threads,
         "device": device,
@@ -117,11 +128,8 @@ def save_field(field: JointField, path: Path) -> None:
     Raises:
         OSError: The folder cannot be written or the disk is full.
     """
-    try:
-        with replacing(path) as temporary:
-            field.save(temporary)
-    except RuntimeError as error:  # torch's answer to a failed write
-        raise OSError(errno.ENOSPC, "cannot be written", str(path)) from error
+    with replacing(path) as temporary:
+        field.save(temporary)
 
 
 def _trainer(accelerator: str, settings: FitSettings, logger: TensorBoardLogger, callbacks: list[Callback]) -> Trainer:
@@ -134,6 +142,7 @@ def _trainer(accelerator: str, settings: FitSettings, logger: TensorBoardLogger,
             max_epochs=-1,
             logger=logger,
             callbacks=callbacks,
+            plugins=[SealedCheckpoints()],
             log_every_n_steps=settings.log_every,
             enable_checkpointing=False,
             enable_progress_bar=False,

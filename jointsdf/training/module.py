@@ -98,6 +98,7 @@ class JointSDFModule(LightningModule):
             points,
             grad="grad" in wanted or need is not None,
             angles=angles if need is not None and need.derivative == "exact" else None,
+            hessian="hessian" in wanted,
             tap=self.field.trunk.tap if "logits" in wanted else None,
         )
         mixed = found.mixed
@@ -106,7 +107,7 @@ class JointSDFModule(LightningModule):
             u, v = tangent_frame(normalize(found.grad.detach(), dim=-1), angles)
             mixed = mixed_stencil(lambda at: self._pass(at).sdf, points, u, v, need.spacing)
         logits = None if found.feature is None else self._logits(torch.cat([found.feature, points], -1))
-        return FieldValues(found.sdf, found.grad, mixed, logits)
+        return FieldValues(found.sdf, found.grad, mixed, logits, found.hessian)
 
     def _logits(self, features: Float[Tensor, "n i"]) -> Float[Tensor, "n k"]:
         head = self.field.head

@@ -109,7 +109,7 @@ def _read(path: Path) -> Products | None:
     """Read a cached choice; None where there is none or it is damaged."""
     try:
         return _parse_products(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
 
 

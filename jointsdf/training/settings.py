@@ -56,6 +56,7 @@ class FitSettings:
         warmup: Share of the steps over which the rates rise linearly from 0.
         trunk_rate: Factor on the trunk's learning rates.
         log_every: Steps between two logged ones.
+        refit: Iterations of L-BFGS on the head's last layer after the steps; 0 for none.
 
     Raises:
         InputError: A value out of its range.
@@ -69,12 +70,14 @@ class FitSettings:
     warmup: float = 0.0
     trunk_rate: float = 1.0
     log_every: int = 1
+    refit: int = 0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         require_integer("seed", self.seed, 0)
         require_integer("trainer.max_steps", self.max_steps, 1)
         require_integer("trainer.log_every", self.log_every, 1)
+        require_integer("trainer.refit", self.refit, 0)
         require_number("trainer.clip", self.clip, 1e-12)
         require_number("trainer.warmup", self.warmup, 0, 1)
         if self.head_lr is not None:

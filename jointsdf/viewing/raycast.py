@@ -73,14 +73,33 @@ def fit_camera(mesh: LabelledMesh, width: int, height: int, azimuth: float, elev
         azimuth: Of the viewer about +z, from +x, degrees.
         elevation: Of the viewer above the xy plane, degrees, inside (-90, 90).
     """
+    return fit_camera_to_points(mesh.vertices[np.unique(mesh.faces)], width, height, azimuth, elevation)
+
+
+def fit_camera_to_points(
+    points: Float[ndarray, "n 3"], width: int, height: int, azimuth: float, elevation: float
+) -> Camera:
+    """Fit the camera to points, as `fit_camera`."""
+    axes = viewing_axes(azimuth, elevation)
+    projected = points @ axes.T
+    low, high = projected.min(axis=0), projected.max(axis=0)
+    pixel = MARGIN * max((high[0] - low[0]) / width, (high[1] - low[1]) / height)
+    return Camera(axes, (low + high) / 2 @ axes, float(pixel), width, height)
+
+
+def viewing_axes(azimuth: float, elevation: float, up: str = "z") -> Float[ndarray, "3 3"]:
+    """Axes of a camera that looks from a direction; for the y axis up, azimuth is about +y, from +z.
+
+    Args:
+        azimuth: Of the viewer about +z, from +x, degrees.
+        elevation: Of the viewer above the xy plane, degrees, inside (-90, 90).
+        up: `z` or `y`, the axis that points up.
+    """
     turn, tilt = np.radians(azimuth), np.radians(elevation)
     right = np.array([-np.sin(turn), np.cos(turn), 0.0])
     away = -np.array([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)])
     axes = np.stack([right, np.cross(right, away), away])
-    projected = mesh.vertices[np.unique(mesh.faces)] @ axes.T
-    low, high = projected.min(axis=0), projected.max(axis=0)
-    pixel = MARGIN * max((high[0] - low[0]) / width, (high[1] - low[1]) / height)
-    return Camera(axes, (low + high) / 2 @ axes, float(pixel), width, height)
+    return np.roll(axes, -1, axis=1) if up == "y" else axes
 
 
 def cast_rays(mesh: LabelledMesh, camera: Camera) -> Hits:

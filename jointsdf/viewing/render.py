@@ -11,7 +11,7 @@ from scipy.ndimage import maximum_filter
 from jointsdf.runs.files import replacing
 from jointsdf.values import LabelledMesh
 from jointsdf.viewing.palette import part_colours
-from jointsdf.viewing.raycast import Hits, cast_rays, fit_camera
+from jointsdf.viewing.raycast import Hits, cast_rays, fit_camera, fit_camera_to_points
 
 INK = np.array([28.0, 30.0, 36.0])
 LIGHTS = (((-0.45, 0.65, -0.62), 0.58), ((0.75, 0.1, -0.65), 0.22))  # towards the light (right, up, away), strength
@@ -20,6 +20,7 @@ OUTLINE, BORDER, CREASE = 1.0, 0.85, 0.42  # how dark each kind of line is
 CREASE_COSINE = np.cos(np.radians(30.0))
 JUMP = 3.0  # step in depth between neighbours from which there is an outline, pixels of the finished picture
 BRIGHTEST = 1.08  # largest factor of light on a colour
+AZIMUTH, ELEVATION = -52.0, 28.0  # of the viewer, degrees
 FALLOFF = 1.5  # exponent of half-Lambert shading
 
 
@@ -29,9 +30,9 @@ def render(
     width: int = 640,
     height: int = 480,
     supersampling: int = 2,
-    azimuth: float = -52.0,
-    elevation: float = 28.0,
-    framed: LabelledMesh | None = None,
+    azimuth: float = AZIMUTH,
+    elevation: float = ELEVATION,
+    framed: LabelledMesh | Float[ndarray, "n 3"] | None = None,
     colours: UInt8[ndarray, "f 3"] | None = None,
 ) -> UInt8[ndarray, "h w 3"]:
     """Render a mesh in part colours on white; the word "empty" for a mesh without faces.
@@ -43,15 +44,18 @@ def render(
         supersampling: Rays per pixel along each axis.
         azimuth: Of the viewer about +z, from +x, degrees.
         elevation: Of the viewer above the xy plane, degrees, inside (-90, 90).
-        framed: The mesh that the picture is fitted to, instead of `mesh`.
+        framed: The mesh or the points that the picture is fitted to, instead of `mesh`.
         colours: sRGB of each face, instead of its part's.
     """
     if mesh.is_empty:
-        return _notice("empty", width, height)
-    fitted = mesh if framed is None or framed.is_empty else framed
-    camera = fit_camera(fitted, width * supersampling, height * supersampling, azimuth, elevation)
+        return notice("empty", width, height)
+    view = (width * supersampling, height * supersampling, azimuth, elevation)
+    if isinstance(framed, ndarray):
+        camera = fit_camera_to_points(framed, *view)
+    else:
+        camera = fit_camera(mesh if framed is None or framed.is_empty else framed, *view)
     hits = cast_rays(mesh, camera)
-    fine = _shade(part_colours(mesh.labels) if colours is None else colours, hits)
+    fine = shade(part_colours(mesh.labels) if colours is None else colours, hits)
     fine += (INK - fine) * _lines(mesh, hits, supersampling)[..., None]
     pixels = fine.reshape(height, supersampling, width, supersampling, 3).mean(axis=(1, 3))
     return np.rint(pixels).astype(np.uint8)
@@ -65,8 +69,8 @@ def render_comparison(
     width: int = 640,
     height: int = 480,
     supersampling: int = 2,
-    azimuth: float = -52.0,
-    elevation: float = 28.0,
+    azimuth: float = AZIMUTH,
+    elevation: float = ELEVATION,
 ) -> UInt8[ndarray, "h w 3"]:
     """Render ground truth and prediction side by side with one camera, fitted to the ground truth.
 
@@ -93,22 +97,26 @@ def render_comparison(
         for mesh in (truth, predicted)
     ]
     strip = max(24, height // 15)
-    below = [_notice(caption, width, strip) for caption in captions]
+    below = [notice(caption, width, strip) for caption in captions]
     return np.concatenate([np.concatenate(panels, axis=1), np.concatenate(below, axis=1)], axis=0)
 
 
-def write_png(path: Path, image: UInt8[ndarray, "h w 3"]) -> None:
+def write_png(path: Path, image: UInt8[ndarray, "h w 3"], colours: int | None = None) -> None:
     """Write a picture atomically.
 
     Args:
         path: Of the PNG file.
         image: sRGB.
+        colours: Size of a palette that the picture is rounded to, at most 256; None keeps every colour.
     """
+    picture = Image.fromarray(image)
+    if colours is not None:
+        picture = picture.quantize(colours, dither=Image.Dither.NONE)
     with replacing(path) as temporary:
-        Image.fromarray(image).save(temporary, format="png")
+        picture.save(temporary, format="png", optimize=colours is not None)
 
 
-def _shade(colours: UInt8[ndarray, "f 3"], hits: Hits) -> Float[ndarray, "h w 3"]:
+def shade(colours: UInt8[ndarray, "f 3"], hits: Hits) -> Float[ndarray, "h w 3"]:
     """Half-Lambert shading (Mitchell et al., "Shading in Valve's Source engine", 2006) under `LIGHTS`."""
     normals = hits.normals[hits.seen]
     light = np.full(len(normals), AMBIENT)
@@ -146,7 +154,7 @@ def _lines(mesh: LabelledMesh, hits: Hits, width: int) -> Float[ndarray, "h w"]:
     return grown
 
 
-def _notice(text: str, width: int, height: int) -> UInt8[ndarray, "h w 3"]:
+def notice(text: str, width: int, height: int) -> UInt8[ndarray, "h w 3"]:
     """Text in the middle of a white picture."""
     image = Image.new("RGB", (width, height), "white")
     font = ImageFont.load_default(size=max(12, min(height * 0.7, width / 30)))

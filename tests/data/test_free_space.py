@@ -8,7 +8,7 @@ from clouds import cloud_of
 from scipy.ndimage import label
 
 from jointsdf.data.free_space import LEAST_INSIDE_CELLS, MOST_CELLS, FreeSpace
-from jointsdf.data.point_cloud import stream
+from jointsdf.data.streams import stream
 from jointsdf.values import BOX
 
 

@@ -10,8 +10,9 @@ from scipy.spatial import KDTree
 from scipy.stats import kstest
 from solids import distance_to_halves, halves, labelled
 
-from jointsdf.data.point_cloud import Cloud, draw_pool, region_areas, stream
+from jointsdf.data.point_cloud import Cloud, draw_pool, region_areas
 from jointsdf.data.sampler import Counts, Sampler
+from jointsdf.data.streams import stream
 from jointsdf.geometry.mesh import face_areas
 from jointsdf.values import BOX, LabelledMesh
 
@@ -152,8 +153,59 @@ def test_steps_and_pool_draw_from_the_regions() -> None:
     )
 
 
+def test_steps_draw_beside_creases_and_the_other_points_stay_as_they_were() -> None:
+    sizes = {"count": 3000, "seed": 0, "region_points": 1000, "border_points": 2000}
+    plain, cloud = (Cloud.of(halves(), crease_points=number, **sizes) for number in (0, 500))
+    assert (plain.creased, cloud.creased, len(cloud.points)) == (0, 500, 6500)
+    np.testing.assert_array_equal(np.delete(cloud.points, np.s_[4000:4500], axis=0), plain.points)
+    points = cloud.normalisation.inverse(cloud.points[4000:4500])
+    np.testing.assert_array_equal(cloud.labels[4000:4500], points[:, 0] < 0.5)
+    inward = np.sort([2, 1, 1] - np.abs(points - [0.5, 0, 0]), axis=1)[:, 1]
+    assert 0.002 < np.median(inward) < inward.max() <= 0.016
+    counts = Counts(manifold=1000, non_manifold=1, shell=1, pool=1, balanced=0.2, regions=0.2, creases=0.3, borders=0.2)
+    drawn = Sampler(cloud, np.zeros((0, 3)), np.zeros(0), counts, 0).draw(0)
+    places = {tuple(point): place for place, point in enumerate(cloud.points.astype(np.float32).tolist())}
+    found = np.searchsorted([3000, 4000, 4500], [places[tuple(point)] for point in drawn.manifold.tolist()], "right")
+    np.testing.assert_array_equal(np.bincount(found), [300, 200, 300, 200])
+
+
+def test_shares_that_round_up_leave_the_last_of_them_fewer_points() -> None:
+    cloud = Cloud.of(halves(), count=300, seed=0, region_points=100, crease_points=100)
+    counts = Counts(manifold=7, non_manifold=1, shell=1, pool=1, regions=0.5, creases=0.5)
+    drawn = Sampler(cloud, np.zeros((0, 3)), np.zeros(0), counts, 0).draw(0)
+    assert len(drawn.manifold) == 7
+
+
 @pytest.mark.parametrize("scale", [1.0, 40.0])
 def test_relative_area_of_the_cloud_of_a_box(scale: float) -> None:
     box = labelled(trimesh.creation.box(scale * np.array([4.0, 2.0, 1.0])))
     cloud = Cloud.of(box, count=30_000, seed=0, border_points=0)
     assert cloud.relative_area() == pytest.approx(2 * (8 + 4 + 2) / 4, rel=0.02)
+
+
+def test_every_part_has_as_many_points_as_any_other() -> None:
+    cloud = Cloud.of(halves(), count=100, seed=0, region_points=300, part_points=2001, border_points=50)
+    assert (cloud.uniform, cloud.regional, cloud.of_parts, len(cloud.points)) == (100, 300, 2000, 2450)
+    points = cloud.normalisation.inverse(cloud.points[cloud.part_points])
+    np.testing.assert_allclose(distance_to_halves(points), 0, atol=1e-12)
+    np.testing.assert_array_equal(cloud.labels[cloud.part_points], np.repeat([0, 1], 1000))
+    np.testing.assert_array_equal(cloud.labels[cloud.part_points], points[:, 0] < 0.5)
+    near = cloud.normalisation.inverse(cloud.points[cloud.border_points])
+    assert len(near) == 50
+    assert np.abs(near[:, 0] - 0.5).max() < 0.5
+
+
+def test_judges_are_points_of_all_parts() -> None:
+    cloud = Cloud.of(halves(), count=100, seed=0, part_points=40_000, region_points=300, border_points=50)
+    judging = cloud.judging()
+    assert (cloud.part_points.start, cloud.part_points.stop) == (400, 40_400)
+    assert ((judging >= 400) & (judging < 40_400)).all()
+    np.testing.assert_array_equal(np.bincount(cloud.labels[judging]), [5000, 5000])
+    assert len(Cloud.of(halves(), count=100, seed=0, part_points=4000).judging()) == 0
+    assert len(Cloud.of(halves(), count=100, seed=0).judging()) == 0
+
+
+def test_a_mesh_without_labels_has_no_points_of_parts() -> None:
+    mesh = replace(halves(), labels=np.full(len(halves().labels), -1))
+    cloud = Cloud.of(mesh, count=100, seed=0, part_points=100)
+    assert (cloud.of_parts, len(cloud.points)) == (0, 100)

@@ -10,8 +10,9 @@ from clouds import COUNTS, in_file_units, same_samples, sampler_of
 from scipy.stats import kstest
 
 from jointsdf.data.point_cloud import Cloud, draw_pool
+from jointsdf.data.sample_settings import SampleSettings
 from jointsdf.data.sampler import SHELL_NEIGHBOUR, Sampler
-from jointsdf.data.samples import SampleSettings, draw_cloud, prepare_samples
+from jointsdf.data.samples import draw_cloud, prepare_samples
 from jointsdf.errors import InputError
 from jointsdf.geometry.distance import network_distance
 from jointsdf.values import BOX, LabelledMesh, Shape
@@ -123,6 +124,7 @@ def test_balanced_share_with_few_or_no_labels(box_shape: Shape) -> None:
         {"balanced": 1.1},
         {"balanced": -0.1},
         {"regions": 1.1},
+        {"creases": -0.1},
         {"borders": 1.1},
         {"shell_offset": -0.1},
     ],

@@ -6,7 +6,8 @@ import trimesh
 from analytic import box_distance
 from clouds import cloud_of
 
-from jointsdf.data.point_cloud import Cloud, stream
+from jointsdf.data.point_cloud import Cloud
+from jointsdf.data.streams import stream
 from jointsdf.data.surfels import Surfels
 from jointsdf.values import BOX
 

@@ -20,7 +20,26 @@ from jointsdf.metrics.f_score import FScore
 from jointsdf.values import LabelledMesh
 
 FLOORS = {f"{key}_floor" for key in ("cd_l1", "cd_l2", "nc", "f1", "miou", "acc", "consistency")}
-CEILINGS = {f"{key}_ceiling" for key in ("miou_exact", "acc_exact", "boundary_f1", "boundary_f1_fine")}
+EDGES = {"edge_cd", "edge_f1", "edge_f1_fine", "crease_angle_error", "crease_length_ratio", "false_crease_length"}
+BORDERS = {"crease_border_p99", "crease_border_back_p99"}
+SURFACES = {"crease_nc", "flatness"}
+LENGTHS = EDGES - {"edge_f1", "edge_f1_fine", "crease_length_ratio"} | BORDERS | SURFACES
+LENGTHS |= {f"{key}_ceiling" for key in LENGTHS}  # and angles: undefined of nothing
+CEILINGS = {
+    f"{key}_ceiling"
+    for key in (
+        "miou_exact",
+        "acc_exact",
+        "boundary_f1",
+        "boundary_f1_fine",
+        "parts",
+        "specks",
+        *EDGES,
+        *BORDERS,
+        *SURFACES,
+    )
+}
+SCORED = {"parts_ceiling": "parts_pred"}  # where the column has another name
 
 
 def without_labels(mesh: LabelledMesh) -> LabelledMesh:
@@ -99,8 +118,8 @@ def test_row_has_exactly_these_columns(name):
     found = scores(OFF, TRUTH, name=name)
     plain = {"nc", "f1", "miou", "acc", "consistency", "parts_pred", "parts_gt", "iou_2", "iou_7", "cd_l1", "cd_l2"}
     exact = {"surface_mean", "surface_p99", "surface_max", "miou_exact", "acc_exact", "boundary_f1", "boundary_f1_fine"}
-    topology = {"components", "components_gt", "euler", "euler_gt", "volume", "volume_gt"}
-    assert found.keys() == plain | exact | topology | FLOORS | CEILINGS
+    topology = {"components", "components_gt", "euler", "euler_gt", "volume", "volume_gt", "specks"}
+    assert found.keys() == plain | exact | topology | EDGES | BORDERS | SURFACES | FLOORS | CEILINGS
 
 
 def test_perfect_prediction_scores_its_floor_and_the_exact_best():
@@ -123,8 +142,14 @@ def test_floor_and_truth_do_not_depend_on_the_prediction():
 def test_ceiling_is_the_score_of_the_ceiling_mesh():
     found, perfect = scores(TRUTH, TRUTH, ceiling=OFF), scores(OFF, TRUTH, ceiling=None)
     for key in CEILINGS:
-        assert found[key] == perfect[key.removesuffix("_ceiling")] < 1
+        assert found[key] == pytest.approx(
+            perfect[SCORED.get(key, key.removesuffix("_ceiling"))], rel=0, abs=0, nan_ok=True
+        )
         assert math.isnan(perfect[key])
+    assert all(
+        found[f"{key}_ceiling"] < 1 for key in ("miou_exact", "acc_exact", "boundary_f1", "edge_f1", "crease_nc")
+    )
+    assert found["flatness_ceiling"] == pytest.approx(0.01)
 
 
 def test_truth_frame_sees_scale_and_place_where_own_frame_does_not():
@@ -143,7 +168,7 @@ def test_common_move_and_scale_is_without_meaning(name):
 
     expected = scores(OFF, TRUTH, ceiling=OFF, name=name)
     assert scores(moved(OFF), moved(TRUTH), ceiling=moved(OFF), name=name) == pytest.approx(
-        expected, rel=1e-6, abs=1e-9
+        expected, rel=1e-6, abs=1e-9, nan_ok=True
     )
 
 
@@ -157,7 +182,8 @@ def test_narrow_input_types_are_measured_in_float64():
 @pytest.mark.parametrize("name", PROTOCOLS)
 def test_empty_prediction_is_a_row_not_an_exception(name):
     found = scores(EMPTY, TRUTH, ceiling=EMPTY, name=name)
-    undefined = {key for key, value in found.items() if math.isnan(value)}
+    undefined = {key for key, value in found.items() if math.isnan(value)} - LENGTHS
+    assert {key for key in LENGTHS if math.isnan(found[key])} == LENGTHS
     assert undefined == {"cd_l1", "cd_l2", "nc", "surface_mean", "surface_p99", "surface_max", "consistency"}
     zero = (
         "f1",
@@ -169,7 +195,10 @@ def test_empty_prediction_is_a_row_not_an_exception(name):
         "boundary_f1_fine",
         "components",
         "volume",
-        *CEILINGS,
+        "edge_f1",
+        "edge_f1_fine",
+        "crease_length_ratio",
+        *(CEILINGS - LENGTHS),
     )
     assert [found[key] for key in zero] == [0.0] * len(zero)
 
@@ -186,6 +215,8 @@ def test_geometry_is_measured_without_labels():
         "acc_exact",
         "boundary_f1",
         "boundary_f1_fine",
+        "crease_angle_error",  # the edges of OFF are too far away
+        *BORDERS,
         *CEILINGS,
     }
     assert {key for key, value in found.items() if math.isnan(value)} == labels

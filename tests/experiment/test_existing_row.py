@@ -1,11 +1,15 @@
 """A run folder that holds a row, another config or damaged files: returned, refused or run again."""
 
+import json
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 import yaml
-from command_line import FILES, finished, train
+from command_line import FILES, PLACE, finished, train
 from run_folders import contents, own_copy, row_of
 
+from jointsdf.experiment import existing_row, run
 from jointsdf.shapes.builtin import BUILTINS
 
 pytestmark = pytest.mark.filterwarnings("default")
@@ -87,3 +91,41 @@ def test_a_damaged_result_is_reported_and_the_run_done_again(tmp_path, text):
     assert answer.text.count("the run is done again") == 1
     assert f"{folder / 'result.json'}: not a readable result row" in answer.text
     assert row_of(folder)["scores"] == row_of(finished())["scores"]
+
+
+def finish_meanwhile(monkeypatch, module, outputs):
+    """Another process makes the run while this one waits for its lock."""
+
+    @contextmanager
+    def lock(*_, **__):
+        own_copy(outputs)
+        yield
+
+    monkeypatch.setattr(module, "lock", lock)
+
+
+def test_who_waited_for_another_process_says_the_result_as_well(tmp_path, monkeypatch):
+    finish_meanwhile(monkeypatch, run, tmp_path)
+    answer = train(tmp_path, "trainer.preview_every=2")
+    assert answer.code == 0, answer.text
+    assert answer.lines[-1].startswith("part_01 siren: cd_l1 ")
+    assert answer.lines[-1].endswith(str(tmp_path / PLACE))
+    assert row_of(tmp_path / PLACE) == row_of(finished())
+
+
+def test_a_row_of_another_study_does_not_replace_the_run_that_another_process_made(tmp_path, monkeypatch):
+    own_copy(tmp_path).parents[3].rename(tmp_path / "other")
+    finish_meanwhile(monkeypatch, existing_row, tmp_path)
+    answer = train(tmp_path, "trainer.preview_every=2", "reuse=true")
+    assert answer.code == 0, answer.text
+    assert {path.name for path in (tmp_path / PLACE).iterdir()} == FILES
+
+
+@pytest.mark.parametrize("key", ["scores", "seconds"])
+def test_a_row_without_the_scores_of_this_config_is_shown_with_nan(tmp_path, key):
+    folder = own_copy(tmp_path)
+    content = row_of(folder) | {key: {}}
+    (folder / "result.json").write_text(json.dumps(content))
+    answer = train(tmp_path, "trainer.preview_every=2")
+    assert answer.code == 0, answer.text
+    assert "nan" in answer.lines[-1]

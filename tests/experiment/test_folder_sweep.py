@@ -18,7 +18,7 @@ from jointsdf.errors import InputError
 from jointsdf.experiment import sweep
 from jointsdf.experiment.part_files import list_part_files
 from jointsdf.experiment.settings import folder_of
-from jointsdf.runs import status
+from jointsdf.runs.plan import planned_runs
 from jointsdf.study.__main__ import main as study
 
 pytestmark = pytest.mark.filterwarnings("default")
@@ -110,12 +110,12 @@ def test_planned_folders_are_those_of_hydras_own_runs(tmp_path, monkeypatch) -> 
     others = ("variant=seed=${seed}", f"paths.outputs={tmp_path}/out")
     call("train.py", "-m", f"shape={','.join(names)}", "seed=4,5", *others)
     assert [name for name, _ in made] == [name for name in names for _ in range(2)]
-    assert status.planned_runs(tmp_path / "out/fast") == [folder for _, folder in made]
+    assert planned_runs(tmp_path / "out/fast") == [folder for _, folder in made]
     assert len({folder for _, folder in made}) == 2 * len(names)
     del made[:]
     CliRunner().invoke(main, ["fit", str(tmp_path / "parts"), *others])
     assert [name for name, _ in made] == names
-    assert status.planned_runs(tmp_path / "out/folder") == [folder for _, folder in made]
+    assert planned_runs(tmp_path / "out/folder") == [folder for _, folder in made]
     assert {folder.parts[-4] for _, folder in made} == {"seed=0"}
 
 
@@ -154,6 +154,14 @@ def test_the_files_that_are_shapes(parts, caplog) -> None:
     by_shell = [str(path) for path in sorted(parts.glob("*")) if not path.name.startswith(".")]
     assert {path.name for path in list_part_files(by_shell)} == {*here}
     assert list_part_files([str(parts / "box.stl"), str(parts)]) == [parts / name for name in here]
+
+
+def test_files_that_hold_nothing_but_points_are_shapes(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    shapes = ["a.xyz", "b.pcd", "c.LAS", "d.xyzn.gz", "part.ply"]
+    for name in (*shapes, "table.csv", "array.npy", "labelled.xyzc", "e.e57"):
+        (tmp_path / name).touch()
+    assert [path.name for path in list_part_files(str(tmp_path))] == shapes
+    assert "e.e57: a point cloud in E57: export it as PLY, PCD or LAS" in caplog.text
 
 
 def test_a_file_of_the_same_name_and_content_is_passed_over(tmp_path, monkeypatch) -> None:

@@ -175,8 +175,7 @@ def test_committed_rows_count_as_finished_in_any_clone(tmp_path, monkeypatch, sc
     assert answer.lines[-1] == "2 runs: 0 done, 2 skipped, 0 failed, 0 missing"
     assert scores[:2] == scores[2:]
     for head in ("none", "siren"):
-        place = f"mine/base/{head}/part_01/seed0/result.json"
-        there, here = (json.loads((tmp_path / root / place).read_text()) for root in ("clone", "here"))
+        there, here = (row_of(tmp_path / root / f"mine/base/{head}/part_01/seed0") for root in ("clone", "here"))
         assert there["provenance"].pop("reused_from") == (tmp_path / "results/mine/runs.csv").as_posix()
         assert there == here
     other = train(tmp_path / "clone", *common, "seed=1")

@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 
 from jointsdf.experiment import build, sweep
 from jointsdf.experiment.settings import folder_of, shared_settings
-from jointsdf.runs import status
+from jointsdf.runs.plan import planned_runs
 from jointsdf.runs.row import config_hash
 
 pytestmark = pytest.mark.filterwarnings("default")
@@ -41,6 +41,9 @@ def test_the_stored_sweeps_are_the_papers_and_the_ablations() -> None:
     assert (swept("paired", "shape"), swept("paired", "head")) == (abc, list(HEADS))
     assert (swept("builtin", "shape"), swept("builtin", "head")) == (parts, list(HEADS))
     assert (swept("points", "shape"), swept("points", "head")) == (abc, ["none", "hybrid"])
+    assert (stored("patches")["labels"], swept("patches", "head")) == ("brep", ["siren", "hybrid"])
+    assert len(set(swept("patches", "shape"))) == 36
+    assert set(swept("patches", "shape")) < set(abc)
     assert set(swept("smoke", "shape")) < set(parts)
     assert len(swept("smoke", "shape")) * len(swept("smoke", "head")) >= 4
 
@@ -61,11 +64,12 @@ def test_a_stored_sweep_makes_the_runs_that_it_says(tmp_path, composed, name) ->
     assert {cfg.shape for cfg in composed} == {shape}
     assert {cfg.study for cfg in composed} == {name}
     assert {cfg.paths.abc_missing for cfg in composed} == {"error" if shape.startswith("abc") else "fallback"}
-    assert {cfg.recipe for cfg in composed} == {name if name in ("smoke", "points") else "fast"}
+    recipes = {"smoke": {"smoke"}, "points": {"points"}, "distance": {"fast", "network"}}
+    assert {cfg.recipe for cfg in composed} == recipes.get(name, {"fast"})
     for cfg in composed:
         build.check_config(cfg)
     wanted = [folder_of(cfg) for cfg in composed]
-    assert status.planned_runs(tmp_path / name) == wanted
+    assert planned_runs(tmp_path / name) == wanted
     assert len(set(wanted)) == count, "every run has a folder of its own"
 
 

@@ -4,6 +4,7 @@ import math
 
 import pytest
 from command_line import finished
+from PIL import Image
 from run_folders import row_of
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -26,11 +27,19 @@ def test_tensorboard_shows_everything():
     for column in ("cd_l1", "nc", "miou"):
         assert [event.step for event in board.Scalars(f"preview_12/{column}")] == [2]
     assert [event.step for event in board.Images("preview_12/truth_and_prediction")] == [2]
-    assert [event.step for event in board.Images("result/truth_and_prediction")] == [4]
+    pictures = [board.Images(f"result/{name}") for name in ("truth_and_prediction", "slice_truth_fit_error")]
+    assert [[event.step for event in events] for events in pictures] == [[4], [4]]
+    meshes, cut = ((event.height, event.width) for (event,) in pictures)
+    with Image.open(finished() / "preview.png") as preview:
+        assert preview.size == (meshes[1], meshes[0] + cut[0])
+        assert cut[1] == meshes[1]
     assert any(tag.startswith("result/mesh") for tag in tags["tensors"])
     scores = row_of(finished())["scores"]["unit"]
-    for name, value in scores.items():
-        assert [event.value for event in board.Scalars(f"result/{name}")] == [pytest.approx(value)], name
+    measured = {f"result/{name}": value for name, value in scores.items() if value is not None}
+    assert {"result/cd_l1", "result/miou"} <= measured.keys()
+    assert measured.keys() == {tag for tag in tags["scalars"] if tag.startswith("result/")}
+    for tag, value in measured.items():
+        assert [event.value for event in board.Scalars(tag)] == [pytest.approx(value)], tag
 
 
 def test_hparams_are_in_the_same_log():

@@ -83,6 +83,53 @@ def test_three_labels_on_one_face_meet_at_its_centroid() -> None:
     )
 
 
+def test_no_edge_at_a_crease_is_cut() -> None:
+    """Two faces at a crease edge (0, 1) keep to their sides, and a border that meets a crease ends at its vertex."""
+    vertices = np.array([[0.0, 0, 0], [0, 1, 0], [1, 0.5, 0], [-1, 0.5, 0], [1, -0.5, 0]])
+    faces, on_crease = np.array([[0, 2, 1], [0, 1, 3], [0, 4, 2]]), np.array([True, True, False, False, False])
+
+    def quadrant(points: np.ndarray) -> np.ndarray:
+        return (points[:, 0] > 0).astype(np.int64) + 5 * (points[:, 1] > 0.1)
+
+    found, cut, labels = split_at_borders(vertices, faces, quadrant(vertices), quadrant, on_crease)
+    assert len(found) == 6, "the edge from 4 to 2 alone is cut"
+    np.testing.assert_allclose(found[5], [1, 0.1, 0], atol=1 / 64)
+    assert {(*sorted(face), label) for face, label in zip(cut.tolist(), labels.tolist(), strict=True)} == {
+        (0, 1, 2, 6),
+        (0, 1, 3, 5),
+        (0, 2, 5, 6),
+        (0, 4, 5, 1),
+    }
+    normals = np.cross(found[cut[:, 1]] - found[cut[:, 0]], found[cut[:, 2]] - found[cut[:, 0]])
+    assert (normals[:, 2] > 0).all()
+    assert normals[:, 2].sum() == pytest.approx(3.0)
+
+
+def test_a_border_that_wavers_beside_a_crease_is_not_drawn_onto_it() -> None:
+    """The crease is the line y = 0; the border runs along the row y = 1, whose labels alternate."""
+    x, y = np.meshgrid(np.arange(9), np.arange(-2, 4), indexing="ij")
+    vertices = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1).astype(np.float64)
+    lower = (6 * np.arange(8)[:, None] + np.arange(5)).ravel()
+    faces = np.concatenate([np.stack([lower, lower + 6, lower + 7], 1), np.stack([lower, lower + 7, lower + 1], 1)])
+
+    def above_wave(points: np.ndarray) -> np.ndarray:
+        return (points[:, 1] > 1 + 0.3 * np.cos(np.pi * points[:, 0])).astype(np.int64)
+
+    found, cut, labels = split_at_borders(vertices, faces, above_wave(vertices), above_wave, vertices[:, 1] == 0)
+    border = [set(cut[labels == label].ravel()) for label in (0, 1)]
+    assert found[list(border[0] & border[1]), 1].min() > 0.5
+    assert areas_by_label(found, cut, labels)[1] == pytest.approx(16.0, abs=0.2)
+
+
+def test_a_face_with_all_corners_on_creases_has_the_label_of_its_middle() -> None:
+    vertices, faces = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
+    _, cut, labels = split_at_borders(
+        vertices, faces, np.array([1, 2, 3]), lambda points: np.full(len(points), 9), np.ones(3, dtype=bool)
+    )
+    np.testing.assert_array_equal(cut, faces)
+    assert labels.tolist() == [9]
+
+
 def test_one_label_changes_nothing(sphere: trimesh.Trimesh) -> None:
     vertices, faces = sphere.vertices.view(ndarray), sphere.faces.view(ndarray)
     labels = np.full(len(vertices), 4)

@@ -22,6 +22,7 @@ from jointsdf.extraction.resolution import (
     cell_size,
     components_and_euler,
     count_close_faces,
+    grid_warnings,
     refine_until_stable,
     resolution_for,
     thin_wall_warning,
@@ -164,3 +165,24 @@ def test_a_wall_under_two_cells_warns_with_the_resolution_that_holds_it() -> Non
 
 def test_a_cell_is_the_boxs_side_by_the_intervals_of_the_grid() -> None:
     assert cell_size(111) == pytest.approx(2 * BOX / 110)
+
+
+def test_parts_that_the_finest_grid_holds_decide_the_grid() -> None:
+    needed = CELLS * cell_size(384)
+    assert resolution_for(1.0, [1.001 * needed, 2.0]) == 384
+    assert resolution_for(1.0, [0.999 * needed]) == 512
+    assert resolution_for(1.0, [0.999 * CELLS * cell_size(FINEST)]) == module.LADDER[0]  # no grid helps
+    assert resolution_for(0.999 * CELLS * cell_size(512), [1.0]) == 768
+
+
+def test_parts_under_a_cell_are_named_narrowest_first_with_the_resolution_that_holds_them() -> None:
+    cell = cell_size(256) * 10.0
+    widths = {3: 0.5 * cell, 4: 1.001 * cell, 9: 0.4 * cell}
+    (warning,) = grid_warnings(float("inf"), widths, 256, 10.0, "mm")
+    assert f"parts narrower than a cell of the grid ({cell:.3g} mm) may vanish" in warning
+    assert f": 9 ({0.4 * cell:.3g} mm), 3 ({0.5 * cell:.3g} mm); " in warning
+    enough = int(warning.rpartition("=")[2])
+    assert grid_warnings(float("inf"), widths, enough, 10.0, "mm") == []
+    assert len(grid_warnings(float("inf"), widths, enough - 1, 10.0, "mm")) == 1
+    assert "no grid up to 1024 can hold them all" in grid_warnings(1.0, {0: 1e-4}, 256, 1.0, "mm")[0]
+    assert " and 3 more; " in grid_warnings(1.0, dict.fromkeys(range(11), 0.004), 256, 1.0, "mm")[0]

@@ -59,6 +59,11 @@ def test_value_and_face_equal_brute_force(watertight: bool) -> None:
     exact = ExactDistance(mesh, watertight=watertight)
     np.testing.assert_allclose(np.abs(exact.signed(points)), brute.min(axis=0), atol=1e-12)
     np.testing.assert_allclose(brute[exact.closest_face(points), np.arange(400)], brute.min(axis=0), atol=1e-12)
+    signed, normals = exact.one_sided(points)
+    np.testing.assert_array_equal(signed, exact.signed(points))
+    a, b, c = mesh.vertices[mesh.faces[exact.closest_face(points)].T]
+    outward = np.cross(b - a, c - a)
+    np.testing.assert_allclose(normals, outward / np.linalg.norm(outward, axis=1, keepdims=True), atol=1e-12)
 
 
 def test_split_faces_cover_the_same_surface_and_know_their_face() -> None:

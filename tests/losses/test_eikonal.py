@@ -31,9 +31,11 @@ def eikonal_step() -> Step:
     [
         ("abs", ["manifold", "shell"], (0 + 1 + 0.5) / 3),
         ("squared", ["manifold", "shell"], (0 + 9 + 0.5625) / 3),
+        ("quadratic", ["manifold", "shell"], (0 + 1 + 0.25) / 3),
         ("abs", ["manifold", "non_manifold", "shell"], (0 + 1 + 2 + 1 + 0 + 0.5) / 6),
         ("squared", ["manifold", "non_manifold", "shell"], (0 + 9 + 64 + 1 + 0 + 0.5625) / 6),
         ("abs", ["shell"], 0.5),
+        ("quadratic", ["non_manifold"], (4 + 1 + 0) / 3),
     ],
 )
 def test_eikonal_by_hand(form: str, on: list[str], expected: float) -> None:
@@ -42,7 +44,7 @@ def test_eikonal_by_hand(form: str, on: list[str], expected: float) -> None:
     assert set(term.needs) == set(on)
 
 
-@pytest.mark.parametrize("form", ["abs", "squared"])
+@pytest.mark.parametrize("form", ["abs", "squared", "quadratic"])
 def test_eikonal_has_a_finite_gradient_where_the_field_is_flat(form: str) -> None:
     grad = torch.tensor([[0.0, 0.0, 0.0], [1e-30, 0.0, 0.0], [1.0, 0.0, 0.0]], requires_grad=True)
     Eikonal(form, ["shell"])(step_of(shell=FieldValues(torch.zeros(3), grad))).backward()
@@ -54,7 +56,7 @@ def test_eikonal_has_a_finite_gradient_where_the_field_is_flat(form: str) -> Non
 @pytest.mark.parametrize(
     ("make", "named"),
     [
-        (lambda: Eikonal("cubed"), "eikonal.form=cubed: accepted are squared, abs"),
+        (lambda: Eikonal("cubed"), "eikonal.form=cubed: accepted are squared, abs, quadratic"),
         (lambda: Eikonal("abs", ["manifold", "nowhere"]), "nowhere"),
         (lambda: Eikonal("abs", []), "eikonal.on=[]"),
     ],

@@ -13,6 +13,7 @@ from jointsdf.losses.far_gradients import FarGradients
 from jointsdf.losses.near_distance import NearDistance
 from jointsdf.losses.normals import Normals
 from jointsdf.losses.signed_distance import SignedDistance
+from jointsdf.losses.singular_hessian import SingularHessian
 from jointsdf.values import Step
 
 
@@ -29,6 +30,8 @@ from jointsdf.values import Step
         Eikonal("abs", ["manifold", "shell"]),
         Eikonal("squared", ["manifold", "non_manifold", "shell"]),
         Eikonal("abs", ["pool"]),
+        Eikonal("quadratic", ["non_manifold", "shell"]),
+        SingularHessian(),
     ],
     ids=str,
 )

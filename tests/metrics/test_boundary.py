@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from surface_samples import cube, plate, score
 
-from jointsdf.metrics.boundary import Boundary, points_along
-from jointsdf.values import LabelledMesh
+from jointsdf.metrics.boundary import Boundary
 
 
 @pytest.mark.parametrize(("shift", "expected"), [(0.0, 1.0), (0.005, 1.0), (0.015, 0.0), (0.1, 0.0)])
@@ -33,13 +32,3 @@ def test_meshes_without_border():
     assert score(Boundary(), one, one)["boundary_f1"] == 1.0
     assert score(Boundary(), one, two)["boundary_f1"] == 0.0
     assert score(Boundary(), two, one)["boundary_f1"] == 0.0
-
-
-def test_points_along_edges_are_even_and_carry_the_length():
-    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0.0004, 0], [1, 0.0004, 0]])
-    mesh = LabelledMesh(vertices, np.zeros((0, 3), int), np.zeros(0, int))
-    points, lengths = points_along(mesh, np.array([[0, 1], [1, 2], [2, 3]]), 0.001)
-    assert len(points) == 1001
-    np.testing.assert_allclose(points[:1000, 0], (np.arange(1000) + 0.5) / 1000, atol=1e-12)
-    np.testing.assert_allclose(points[1000], [1, 0.0002, 0], atol=1e-15)
-    assert lengths.sum() == pytest.approx(1.0004)

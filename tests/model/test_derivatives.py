@@ -9,7 +9,7 @@ from analytic import cylinder_distance, sphere_distance
 from sine_networks import NETWORKS, network, plain, random_points, relative
 from torch import Tensor
 
-from jointsdf.model.derivatives import autograd_gradient, autograd_mixed, mixed_stencil, tangent_frame
+from jointsdf.model.derivatives import autograd_gradient, autograd_hessian, autograd_mixed, mixed_stencil, tangent_frame
 from jointsdf.model.fused.evaluate import evaluate
 
 Field = Callable[[Tensor], Tensor]
@@ -121,3 +121,25 @@ def test_stencil_is_exact_for_cubics(spacing: float) -> None:
     expected = sum(torch.einsum("ijk,ni,nj,nk->n", cubic.permute(p), points, u, v) for p in orders)
     expected = expected + torch.einsum("ij,ni,nj->n", square + square.T, u, v)
     torch.testing.assert_close(mixed_stencil(polynomial, points, u, v, spacing), expected, rtol=0, atol=1e-10)
+
+
+def test_hessian_of_a_quadratic_form_is_its_symmetric_matrix() -> None:
+    generator = torch.Generator().manual_seed(0)
+    matrix = torch.randn(3, 3, dtype=torch.float64, generator=generator)
+    points, _ = random_points()
+    found = autograd_hessian(lambda x: torch.einsum("ij,ni,nj->n", matrix, x, x), points.requires_grad_())
+    torch.testing.assert_close(found, (matrix + matrix.T).expand_as(found), rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("sizes", NETWORKS, ids=str)
+def test_hessian_of_the_network_equals_finite_differences_of_its_gradient(sizes: tuple[int, int, float, float]) -> None:
+    trunk, (points, _) = network(*sizes), random_points()
+
+    def gradient(at: Tensor) -> Tensor:
+        return evaluate(trunk.sine_layers, trunk.output, at, grad=True).grad
+
+    with torch.no_grad():
+        hessian = evaluate(trunk.sine_layers, trunk.output, points, hessian=True).hessian
+        rows = [central(gradient, points, axis.expand_as(points)) for axis in torch.eye(3, dtype=torch.float64)]
+    assert relative(hessian, torch.stack(rows, 1)) < 1e-6
+    assert torch.equal(hessian, hessian.mT) or relative(hessian, hessian.mT) < 1e-14

@@ -11,6 +11,7 @@ from jointsdf.errors import InputError
 from jointsdf.model import field as module
 from jointsdf.model.field import JointField
 from jointsdf.model.heads import HEADS
+from jointsdf.model.sealed_file import checksum
 from jointsdf.model.trunk import SirenTrunk
 from jointsdf.values import Normalisation
 
@@ -41,6 +42,9 @@ def test_query_speaks_file_units_and_original_part_ids(small_field: BuildField, 
         assert len(set(answer.part.tolist())) > 1
     np.testing.assert_array_equal(field.network_part(inside.numpy()), answer.part.numpy())
     np.testing.assert_allclose(field.network_sdf(inside.numpy()) * 47.0, answer.sdf.numpy(), rtol=1e-5, atol=1e-3)
+    sdf, gradient = field.network_differential(inside.numpy())
+    np.testing.assert_allclose(sdf * 47.0, answer.sdf.numpy(), rtol=1e-5, atol=1e-3)
+    np.testing.assert_allclose(gradient, answer.gradient.numpy(), rtol=1e-4, atol=1e-4)
 
 
 def test_query_gradient_equals_finite_differences_in_file_units(small_field: BuildField) -> None:
@@ -172,3 +176,54 @@ def test_many_points_are_answered_in_chunks(small_field, monkeypatch: pytest.Mon
 def test_load_takes_a_string(small_field: BuildField, tmp_path: Path) -> None:
     small_field().save(tmp_path / "field.ckpt")
     assert isinstance(JointField.load(str(tmp_path / "field.ckpt")), JointField)
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_a_file_in_half_precision_is_half_as_large_and_loads_as_float32(
+    small_field: BuildField, tmp_path: Path, head: str
+) -> None:
+    field = small_field(head, normalisation=NORMALISATION, width=128).eval()
+    whole, half = tmp_path / "field.ckpt", tmp_path / "half.ckpt"
+    field.save(whole)
+    field.save(half, half=True)
+    assert 0.5 < half.stat().st_size / whole.stat().st_size < 0.7  # of a field as small as this, the rest counts
+    assert torch.load(half, weights_only=True)["precision"] == "float16"
+    loaded = JointField.load(half)
+    for (name, before), after in zip(field.state_dict().items(), loaded.state_dict().values(), strict=True):
+        assert before.dtype == after.dtype
+        rounded = before.ndim == 2 and name not in ("trunk.layers.0.linear.weight", "trunk.output.weight")
+        relative = 2**-11 if rounded else 0
+        assert ((after - before).abs() <= relative * before.abs() + (2**-25 if rounded else 0)).all(), name
+        assert torch.equal(before, after) != rounded, name
+    points = torch.from_numpy(file_points())
+    before, after = field.query(points), loaded.query(points)
+    assert (after.sdf - before.sdf).abs().max() < 47.0 * value_bound(field.trunk)
+    assert (after.part != before.part).sum() <= 1
+
+
+def value_bound(trunk: SirenTrunk) -> float:
+    """Bound of |f - f_half|: each layer adds omega sum_j |W_ij - half(W_ij)|, and passes on omega |W| of the last."""
+    error = torch.zeros(trunk.sine_layers[0].linear.out_features, dtype=torch.float64)
+    for layer in trunk.sine_layers[1:]:
+        weight = layer.linear.weight.detach().double()
+        rounding = (weight - weight.half().double()).abs().sum(1)
+        error = layer.omega * (rounding + weight.half().double().abs() @ error)
+    return float(trunk.output.weight.detach().double().abs()[0] @ error) + 1e-5
+
+
+def test_the_usual_file_holds_float32_its_checksum_and_nothing_of_half_precision(
+    small_field: BuildField, tmp_path: Path
+) -> None:
+    field = small_field()
+    field.save(tmp_path / "field.ckpt")
+    stored = torch.load(tmp_path / "field.ckpt", weights_only=True)
+    assert stored.keys() == {"format", "trunk", "head", "state", "sha256"}
+    assert stored["sha256"] == checksum({"format": 1, **field.arguments, "state": field.state_dict()})
+
+
+def test_weights_beyond_half_precision_are_an_input_error(small_field: BuildField, tmp_path: Path) -> None:
+    field = small_field()
+    torch.nn.init.constant_(field.trunk.sine_layers[1].linear.weight, 7e4)
+    field.save(tmp_path / "field.ckpt")
+    with pytest.raises(InputError, match=r"^trunk\.layers\.1\.linear\.weight=7e\+04: float16 ends at 65504; [^\n]*$"):
+        field.save(tmp_path / "half.ckpt", half=True)

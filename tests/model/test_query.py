@@ -1,6 +1,7 @@
 """Queries of a field: answers of the points' type, only those asked for, and one line for what is no query."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -8,8 +9,8 @@ import torch
 from conftest import BOX_PARTS
 
 from jointsdf.errors import InputError
-from jointsdf.model import query
 from jointsdf.model.field import JointField
+from jointsdf.model.fused import inference
 from jointsdf.model.query import OutsideBoxWarning, RoundedPointsWarning
 from jointsdf.values import BOX, UNMOVED, Normalisation
 
@@ -67,12 +68,12 @@ def test_only_what_is_asked_is_answered_and_the_same(small_field: BuildField, wh
             assert answer is None
 
 
-def test_a_distance_alone_runs_no_head_and_keeps_no_record(
+def test_a_distance_alone_runs_no_head_and_takes_no_cosine(
     small_field: BuildField, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     field = small_field("siren", normalisation=NORMALISATION).eval()
     monkeypatch.setattr(field.head, "forward", lambda _: pytest.fail("the head was run"))
-    monkeypatch.setattr(query, "evaluate", lambda *_, **__: pytest.fail("a record was kept"))
+    monkeypatch.setattr(inference, "cosine", lambda *_: pytest.fail("a cosine was taken"))
     assert field.query(file_points(), what="sdf").sdf.shape == (60,)
 
 
@@ -198,3 +199,18 @@ def test_too_coarse_points_are_told_once(small_field: BuildField, kind: str, ste
         far.query(coarse)
     far.query(coarse)  # as would a second one, or one of points far from a near shape
     small_field("siren").eval().query(points.float())
+
+
+def test_queries_of_several_threads_give_the_same_and_leave_the_number_of_threads(small_field: BuildField) -> None:
+    field, points = small_field("siren", normalisation=NORMALISATION).eval(), file_points(3000)
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        expected = field.query(points).sdf
+        with ThreadPoolExecutor(4) as pool:
+            found = [answer.sdf for answer in pool.map(field.query, [points] * 12)]
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+    for sdf in found:
+        np.testing.assert_array_equal(sdf, expected)

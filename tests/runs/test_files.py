@@ -1,12 +1,15 @@
 """A file is replaced whole or not at all, and is on the disk before it takes the old one's place."""
 
+import errno
 import os
+import stat
 import threading
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
-from jointsdf.runs.files import replacing, write_atomically
+from jointsdf.runs.files import replacing, sweep_temporaries, write_atomically
 
 
 @pytest.mark.parametrize("existing", [True, False])
@@ -89,6 +92,35 @@ def test_the_content_is_flushed_to_the_disk_before_the_file_is_replaced(
 
     monkeypatch.setattr(os, "fsync", flushed)
     monkeypatch.setattr(os, "replace", replaced)
-    write_atomically(tmp_path / "file", "content")
-    assert [what for what, _ in calls] == ["fsync", "replace"]
-    assert calls[0][1] == calls[1][1] != "file"
+    write_atomically(tmp_path / "new" / "folder" / "file", "content")
+    names = [tmp_path.name, "new"]  # each holds the name of a new folder
+    assert calls[:2] == [("fsync", name) for name in names]
+    assert [what for what, _ in calls[2:]] == ["fsync", "replace", "fsync"]
+    assert calls[2][1] == calls[3][1] != "file"
+    assert calls[4] == ("fsync", "folder")
+
+
+@pytest.mark.parametrize(("number", "raised"), [(errno.EINVAL, False), (errno.ENOTSUP, False), (errno.EIO, True)])
+def test_a_file_system_without_flushed_folders_is_used_and_a_broken_one_is_told(tmp_path, monkeypatch, number, raised):
+    fsync = os.fsync
+
+    def flushed(descriptor: int) -> None:
+        if stat.S_ISDIR(os.fstat(descriptor).st_mode):
+            raise OSError(number, os.strerror(number))
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", flushed)
+    with pytest.raises(OSError, match=os.strerror(number)) if raised else nullcontext():
+        write_atomically(tmp_path / "file", "content")
+    assert (tmp_path / "file").read_text() == "content"
+
+
+def test_what_a_killed_process_left_is_swept_up(tmp_path: Path) -> None:
+    with replacing(tmp_path / "file") as temporary:
+        temporary.write_text("whole")
+        left = temporary
+    left.write_text("half")  # kill -9 before the rename
+    for name in ("file", ".hidden", "other.tmp"):
+        (tmp_path / name).write_text("kept")
+    sweep_temporaries(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".hidden", "file", "other.tmp"]

@@ -24,6 +24,7 @@ SETTINGS: dict[str, dict[str, Any]] = {  # of each metric in those hashes
     "boundary": {"spacing": 0.001, "tolerance": 0.01},
     "topology": {},
 }
+CORRUPTION = {"density": 2.0, "missing": 0.1, "count": 90, "outliers": 0.1, "noise": 0.1, "label_flip": 0.1}
 
 
 @pytest.fixture
@@ -38,33 +39,42 @@ def settings() -> dict[str, Any]:
         "data": {
             "cloud_size": 100,
             "region_points": 50,
+            "crease_points": 60,
+            "denoise": True,
+            "part_points": 40,
             "workers": 4,
-            "counts": {"manifold": 10, "regions": 0.5, "far": 3},
+            "corruption": {**CORRUPTION, "scanner": {"views": 7, "noise": 0.1}},
+            "counts": {"manifold": 10, "regions": 0.5, "creases": 0.25, "far": 3, "per_part": 24},
         },
-        "trunk": {"width": 16},
+        "trunk": {"width": 16, "far": "grid", "far_resolution": 48},
         "head": {"name": "siren"},
         "loss": {"weights": {"eikonal": 1.0}},
         "optimizer": {"lr": 1e-3, "iterations": "three"},
-        "trainer": {"max_steps": 8, "accelerator": "cpu", "preview_every": 5},
-        "extraction": {"resolution": 64},
+        "trainer": {"max_steps": 8, "refit": 25, "accelerator": "cpu", "preview_every": 5},
+        "extraction": {"resolution": 64, "sharp": True, "smallest_piece": 0.003, "simplify": 1e-4},
         "evaluation": evaluation,
     }
 
 
 def test_machine_and_names_of_the_run_are_no_part_of_it(settings: dict[str, Any]) -> None:
     found = fingerprint_of(settings, name="part_01")
-    assert found["trainer"] == {"max_steps": 8}
+    assert found["trainer"] == {"max_steps": 8, "refit": 25}
     assert found["data"] == {
         "cloud_size": 100,
         "region_points": 50,
-        "counts": {"manifold": 10, "regions": 0.5, "far": 3},
+        "crease_points": 60,
+        "denoise": True,
+        "part_points": 40,
+        "corruption": {**CORRUPTION, "scanner": {"views": 7, "noise": 0.1}},
+        "counts": {"manifold": 10, "regions": 0.5, "creases": 0.25, "far": 3, "per_part": 24},
     }
     assert found["shape"] == {"name": "part_01"}
     assert "study" not in found
     kept = ("seed", "tessellation", "trunk", "head", "loss", "optimizer", "extraction", "evaluation")
     for protocol in settings["evaluation"]["protocols"].values():
         protocol.pop("field", None)  # these came after the first committed rows
-        protocol["metrics"].pop("boundary_fine", None)
+        for later in ("boundary_fine", "edges", "crease_normals", "crease_borders", "flatness", "specks"):
+            protocol["metrics"].pop(later, None)
     assert {key: found[key] for key in kept} == {key: settings[key] for key in kept}
 
 

@@ -28,12 +28,14 @@ def results(tmp_path: Path) -> Path:
 def test_a_run_here_is_taken_before_a_committed_one(tmp_path: Path, results: Path) -> None:
     outputs = tmp_path / "outputs"
     wanted = outputs / "main" / "base" / PLACE
-    found = find_reusable_row(HASH, wanted, outputs, results)
+    found = find_reusable_row(HASH, wanted, outputs, results, recipe="fast")
     source = (results / "paired" / "runs.csv").as_posix()
-    assert found == replace(FINISHED, study="main", provenance={REUSED: source} | FINISHED.provenance)
+    assert found == replace(FINISHED, study="main", recipe="fast", provenance={REUSED: source} | FINISHED.provenance)
     write_row(outputs / "paired" / "half" / PLACE, replace(FINISHED, variant="half"))
-    found = find_reusable_row(HASH, wanted, outputs, results)
-    assert found == replace(FINISHED, study="main", provenance={REUSED: f"paired/half/{PLACE}"} | FINISHED.provenance)
+    found = find_reusable_row(HASH, wanted, outputs, results, recipe="mine")
+    assert found == replace(
+        FINISHED, study="main", recipe="mine", provenance={REUSED: f"paired/half/{PLACE}"} | FINISHED.provenance
+    )
 
 
 @pytest.mark.parametrize(
@@ -44,7 +46,9 @@ def test_another_fingerprint_or_place_is_not_taken(
     tmp_path: Path, results: Path, fingerprint_hash: str, place: str
 ) -> None:
     outputs = tmp_path / "outputs"
-    assert find_reusable_row(fingerprint_hash, outputs / "main" / "base" / place, outputs, results) is None
+    assert (
+        find_reusable_row(fingerprint_hash, outputs / "main" / "base" / place, outputs, results, recipe="fast") is None
+    )
 
 
 def test_a_damaged_row_is_skipped(tmp_path: Path) -> None:
@@ -53,6 +57,6 @@ def test_a_damaged_row_is_skipped(tmp_path: Path) -> None:
     damaged.mkdir(parents=True)
     (damaged / "result.json").write_text("{")
     write_row(outputs / "b" / "base" / PLACE, FINISHED)
-    found = find_reusable_row(HASH, outputs / "main" / "base" / PLACE, outputs, tmp_path / "nowhere")
+    found = find_reusable_row(HASH, outputs / "main" / "base" / PLACE, outputs, tmp_path / "nowhere", recipe="fast")
     assert found is not None
     assert found.provenance[REUSED] == f"b/base/{PLACE}"

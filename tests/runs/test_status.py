@@ -1,20 +1,13 @@
-"""Run status on disk: the plan of a study, progress, and failures."""
+"""Run status on disk: progress and failures."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from jointsdf.runs import status as run_state
 from jointsdf.runs.status import RunState, duration
-
-
-def test_wanted_runs_add_up_in_their_order(tmp_path: Path) -> None:
-    main = tmp_path / "main"
-    run_state.plan(main, [main / "b", main / "a"])
-    run_state.plan(main, [main / "c", main / "b"])
-    assert run_state.planned_runs(main) == [main / "b", main / "a", main / "c"]
-    (main / "sweep.json").write_text("{")
-    assert run_state.planned_runs(main) == []
 
 
 def test_two_deaths_at_one_step_are_told_from_two_at_different_steps(tmp_path: Path) -> None:
@@ -34,10 +27,18 @@ def test_two_deaths_at_one_step_are_told_from_two_at_different_steps(tmp_path: P
     assert run_state.read_state(tmp_path) == RunState("missing")
 
 
+def test_what_later_versions_add_to_a_status_is_left_out(tmp_path: Path) -> None:
+    later = {"state": "running", "step": 3, "steps": 20, "seconds": 1.5, "died_at": None, "colour": ["red"]}
+    (tmp_path / "status.json").write_text(json.dumps(later))
+    assert run_state.read_state(tmp_path) == RunState("stopped", 3, 20, 1.5)
+
+
 @pytest.mark.parametrize("text", ["", "[]", "null", '{"state": "runn'])
-def test_a_damaged_status_is_none(tmp_path: Path, text: str) -> None:
+def test_a_damaged_status_counts_as_none_and_is_named(tmp_path: Path, text: str) -> None:
     (tmp_path / "status.json").write_text(text)
-    assert run_state.read_state(tmp_path) == RunState("missing")
+    found = run_state.read_state(tmp_path)
+    assert replace(found, problem="") == RunState("missing")
+    assert found.problem.startswith(f"{tmp_path / 'status.json'}: not a readable status: ")
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import trimesh
 from damaged_meshes import Inside, box, in_box, joined, loaded, wrong_signs
 
 from jointsdf.errors import InputError
-from jointsdf.shapes.overlaps import find_piercings
+from jointsdf.geometry.piercings import find_piercings
 
 X, Y = (4.0, 0.4, 0.4), (0.4, 4.0, 0.3)
 

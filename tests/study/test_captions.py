@@ -64,3 +64,14 @@ def test_a_long_list_is_cut_short(tmp_path: Path) -> None:
     write(tmp_path, *(make_row("siren", f"abc_{k:04d}", nc=0.5) for k in range(30)), make_row("relu", "abc_0000"))
     make_tables(tmp_path)
     assert r"abc\_0012 (no relu) and 17 more." in read_tex(tmp_path, "main_reconstruction")
+
+
+def test_corruptions_of_the_training_clouds_are_named(tmp_path: Path) -> None:
+    rows = [make_row("relu", nc=0.5), make_row("siren", nc=0.5)]
+    write(tmp_path, *rows)
+    make_tables(tmp_path)
+    assert "Corruption" not in read_tex(tmp_path, "main_reconstruction")
+    rows[0].provenance["corruption"] = "noise=0.005"
+    write(tmp_path, *rows)
+    make_tables(tmp_path)
+    assert "Corruption of the training cloud: noise=0.005; none." in read_tex(tmp_path, "main_reconstruction")

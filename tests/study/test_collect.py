@@ -51,8 +51,8 @@ def test_committed_rows_fill_what_is_not_on_disk(tmp_path: Path, caplog: pytest.
     ):
         (results / name).mkdir(parents=True)
         (results / name / "runs.csv").write_text(content)
-    rows = {row.head: row.scores["unit"]["nc"] for row in load_rows(outputs, results)}
+    rows = {row.head: row.scores["unit"]["nc"] for row in load_rows(outputs, results)[0]}
     assert rows == {"relu": 0.9, "siren": 0.2}
     assert f"{results / 'damaged' / 'runs.csv'}: line 1: no column variant" in caplog.text
     assert len(read_committed(tmp_path / "nowhere")[0]) == 0
-    assert len(load_rows(tmp_path / "nowhere", results)) == 2
+    assert len(load_rows(tmp_path / "nowhere", results)[0]) == 2

@@ -114,3 +114,13 @@ def test_outer_quarters_are_rounded_down_without_missing_keys() -> None:
     keys = {"a": 5.0, "b": 1.0, "c": 3.0, "d": 2.0, "e": NAN, "f": 4.0, "g": 6.0, "h": 7.0, "i": 8.0, "j": 9.0}
     assert outer_quarters(keys) == (["b", "d"], ["i", "j"])
     assert outer_quarters({"a": 1.0, "b": 2.0, "c": 3.0}) == ([], [])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_shared_ranks_and_zeros_are_tested_as_scipy_does(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    for n in (2, 3, 5, 8):
+        differences = random.integers(-3, 4, n).astype(float)
+        differences[0] = 1.0
+        expected = stats.wilcoxon(differences).pvalue
+        assert paired_tests(by_shape(differences), by_shape(np.zeros(n))).p_wilcoxon == expected

@@ -7,13 +7,14 @@ from study_rows import answer_of, place_of, write_finished
 
 from jointsdf.runs import status as run_state
 from jointsdf.runs.lock import lock
+from jointsdf.runs.plan import plan
 from jointsdf.study.__main__ import main as study
 
 
 def test_every_kind_of_run_at_a_glance(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     heads, shapes = ("relu", "siren"), ("abc_0001", "abc_0002", "abc_0003", "abc_0004")
     folders = {(shape, head): place_of(tmp_path, head, shape) for shape in shapes for head in heads}
-    run_state.plan(tmp_path / "main", folders.values())
+    plan(tmp_path / "main", folders.values())
     write_finished(tmp_path, "relu", "abc_0001")
     write_finished(tmp_path, "siren", "abc_0001")
     run_state.fail(folders["abc_0002", "relu"], "loss is nan", ValueError("loss is nan"))

@@ -21,6 +21,7 @@ class OutputBars(NamedTuple):
     feature: Tensor | None
     grad: Tensor | None
     mixed: Tensor | None
+    hessian: Tensor | None
 
 
 @dataclass
@@ -78,7 +79,9 @@ def backward(net: Layers, record: Record, tap: int | None, outputs: OutputBars) 
     sums, layers = ParameterBars.zeros(net), LayerBars.none(len(net.weights))
     if outputs.mixed is not None:
         _reverse_hessian_vector(net, record, outputs.mixed, layers, sums)
-    if outputs.grad is not None or outputs.mixed is not None:
+    if outputs.hessian is not None:
+        _reverse_hessian(net, record, outputs.hessian, layers, sums)
+    if any(bar is not None for bar in (outputs.grad, outputs.mixed, outputs.hessian)):
         start = torch.zeros_like(record.points) if outputs.grad is None else outputs.grad
         sums.output += _reverse_gradient(net, record, start, layers, sums)
     if outputs.sdf is not None:
@@ -120,6 +123,30 @@ def _reverse_hessian_vector(
         left = p_bar.to(net.low_precision[i].dtype)
         _accumulate(sums.weights[i], left, record.tangent(i).to(left.dtype))
         t_bar = (left @ net.low_precision[i]).to(p_bar.dtype) if i else None
+
+
+def _reverse_hessian(net: Layers, record: Record, hessian_bar: Tensor, layers: LayerBars, sums: ParameterBars) -> None:
+    """Add to the adjoints of h_i, c_i and g_i, from P_L down through the layers."""
+    symmetric = hessian_bar + hessian_bar.mT
+    from_above: Tensor | None = None  # adjoint of c_i P_i
+    for i in range(len(net.low_precision) - 1, -1, -1):
+        h, c, g, jacobian = record.sines[i], record.cosines[i], record.adjoints[i], record.jacobians[i]
+        jacobian_bar = symmetric @ jacobian
+        product_bar = (jacobian * jacobian_bar).sum(1).mul_(-0.5)  # of h_i g_i
+        layers.sines[i] = _plus(layers.sines[i], g, product_bar)
+        layers.adjoints[i] = _plus(layers.adjoints[i], h, product_bar)
+        jacobian_bar.mul_((h * g).neg_()[:, None])
+        if from_above is not None:
+            c_bar = (jacobian * from_above).sum(1)
+            before = layers.cosines[i]
+            layers.cosines[i] = c_bar if before is None else before + c_bar
+            jacobian_bar.addcmul_(c[:, None], from_above)
+        if not i:
+            sums.weights[0] += jacobian_bar.sum(0).T
+            return
+        left = jacobian_bar.flatten(0, 1).to(net.low_precision[i].dtype)
+        _accumulate(sums.weights[i], left, record.output_jacobian(i).flatten(0, 1).to(left.dtype))
+        from_above = (left @ net.low_precision[i]).to(jacobian_bar.dtype).view_as(record.jacobians[i - 1])
 
 
 def _reverse_gradient(net: Layers, record: Record, grad_bar: Tensor, layers: LayerBars, sums: ParameterBars) -> Tensor:

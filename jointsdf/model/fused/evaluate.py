@@ -5,10 +5,12 @@ With a_i = W_i h_{i-1} + b_i (omega_i multiplied into both), h_i = sin a_i, c_i 
     gradient   d_i = c_i g_i,  g_{i-1} = d_i W_i,  g_L = w,  grad f = g_0                (explicit reverse)
     H u        p_i = W_i t_{i-1},  t_i = c_i p_i,  t_0 = u                               (forward over reverse)
                e_i = c_i q_i - h_i p_i g_i,  q_{i-1} = e_i W_i,  q_L = 0,  H u = q_0
+    H          P_i = W_i (c_{i-1} P_{i-1}),  P_1 = W_1,  H = - sum_i P_i^T diag(h_i g_i) P_i
 
-H u is the Hessian-vector product of Pearlmutter, "Fast Exact Multiplication by the Hessian" (1994). A value costs one
-pass of products over the layers, the gradient one more, u^T H v two more; the backward half (`backward.py`) costs twice
-as many. Plain autograd repeats passes and keeps several times the memory.
+H u is the Hessian-vector product of Pearlmutter, "Fast Exact Multiplication by the Hessian" (1994). H is the chain rule
+of second order: sine alone is curved, so each layer adds what its own second derivative -h_i makes of its Jacobian P_i.
+A value costs one pass of products over the layers, the gradient one more, u^T H v two more, H three more; the backward
+half (`backward.py`) costs twice as many. Plain autograd repeats passes and keeps several times the memory.
 """
 
 from collections.abc import Sequence
@@ -21,7 +23,7 @@ from torch.nn.functional import normalize
 
 from jointsdf.model.derivatives import tangent_frame
 from jointsdf.model.fused.backward import OutputBars, ParameterBars, backward
-from jointsdf.model.fused.forward import Layers, Record, gradient, hessian_vector, value
+from jointsdf.model.fused.forward import Layers, Record, gradient, hessian, hessian_vector, value
 from jointsdf.model.layers import SineLayer
 from jointsdf.threads import over_threads, pieces
 
@@ -34,12 +36,14 @@ class Evaluation(NamedTuple):
         feature: Activations h of the tapped layer.
         grad: Gradient of f, dimensionless.
         mixed: u^T H v, (u, v) being the tangent frame of the detached gradient, 1 / network length.
+        hessian: H, 1 / network length.
     """
 
     sdf: Float[Tensor, " n"]
     feature: Float[Tensor, "n w"] | None
     grad: Float[Tensor, "n 3"] | None
     mixed: Float[Tensor, " n"] | None
+    hessian: Float[Tensor, "n 3 3"] | None
 
 
 def evaluate(
@@ -49,6 +53,7 @@ def evaluate(
     *,
     grad: bool = False,
     angles: Float[Tensor, " n"] | None = None,
+    hessian: bool = False,
     tap: int | None = None,
     backward_dtype: torch.dtype | None = None,
 ) -> Evaluation:
@@ -60,6 +65,7 @@ def evaluate(
         points: Where, network frame; no gradient flows to them.
         grad: Also give the gradient.
         angles: Rotation of each point's tangent frame about the gradient, radians; gives `grad` and `mixed`.
+        hessian: Also give `grad` and the Hessian.
         tap: Layer whose activations to give, 1 = the first.
         backward_dtype: Precision of the backward pass's matrix products; None: the parameters' own. It does not touch
             the outputs, whose signs decide the direction of a step.
@@ -72,7 +78,7 @@ def evaluate(
     outputs = _SinePass.apply(  # type: ignore[no-untyped-call]
         points,
         angles,
-        _Request(grad=grad or angles is not None, tap=tap, backward_dtype=backward_dtype),
+        _Request(grad or angles is not None or hessian, hessian, tap, backward_dtype),
         [layer.omega for layer in layers],
         *parameters,
         *output.parameters(),
@@ -81,9 +87,10 @@ def evaluate(
 
 
 class _Request(NamedTuple):
-    """Options of `evaluate`; `grad` is also set where angles are given."""
+    """Options of `evaluate`; `grad` is also set where second derivatives are wanted."""
 
     grad: bool
+    hessian: bool
     tap: int | None
     backward_dtype: torch.dtype | None
 
@@ -141,4 +148,5 @@ def _run_piece(net: Layers, points: Tensor, angles: Tensor | None, request: _Req
     if angles is not None and grad is not None:
         record.frame = tangent_frame(normalize(grad, dim=-1), angles)
         mixed = (hessian_vector(net, record) * record.frame[1]).sum(-1)
-    return record, Evaluation(sdf, record.sines[request.tap - 1] if request.tap else None, grad, mixed)
+    feature = record.sines[request.tap - 1] if request.tap else None
+    return record, Evaluation(sdf, feature, grad, mixed, hessian(net, record) if request.hessian else None)

@@ -1,4 +1,4 @@
-"""Forward half of the fused pass (formulas in `evaluate.py`): value, gradient and H u, recorded for `backward.py`."""
+"""Forward half of the fused pass (formulas in `evaluate.py`), recorded for `backward.py`: value, gradient, H u, H."""
 
 from dataclasses import dataclass, field
 
@@ -40,6 +40,7 @@ class Record:
         argument_tangents: p_i.
         adjoint_tangents: q_i; None for the last layer, where it is 0.
         frame: Tangent frame (u, v).
+        jacobians: P_i, for each point a row per axis.
     """
 
     points: Tensor
@@ -49,6 +50,7 @@ class Record:
     argument_tangents: list[Tensor] = field(default_factory=list)
     adjoint_tangents: list[Tensor | None] = field(default_factory=list)
     frame: tuple[Tensor, Tensor] | None = None
+    jacobians: list[Tensor] = field(default_factory=list)
 
     def inputs(self, i: int) -> Tensor:
         """h_{i-1}."""
@@ -58,6 +60,10 @@ class Record:
         """t_{i-1}."""
         assert self.frame is not None
         return self.cosines[i - 1] * self.argument_tangents[i - 1] if i else self.frame[0]
+
+    def output_jacobian(self, i: int) -> Tensor:
+        """Jacobian of h_{i-1} above the first layer: c_{i-1} P_{i-1}."""
+        return self.cosines[i - 1][:, None] * self.jacobians[i - 1]
 
     def curvature(self, i: int) -> Tensor:
         """e_i."""
@@ -97,3 +103,13 @@ def hessian_vector(net: Layers, record: Record) -> Float[Tensor, "n 3"]:
     for i in range(len(net.weights) - 1, 0, -1):
         record.adjoint_tangents[i - 1] = record.curvature(i) @ net.weights[i]
     return record.curvature(0) @ net.weights[0]
+
+
+def hessian(net: Layers, record: Record) -> Float[Tensor, "n 3 3"]:
+    """H, after `gradient`; records P_i."""
+    total = torch.zeros(len(record.points), 3, 3, dtype=record.points.dtype, device=record.points.device)
+    for i, weight in enumerate(net.weights):
+        jacobian = record.output_jacobian(i) @ weight.T if i else weight.T.expand(len(record.points), -1, -1)
+        record.jacobians.append(jacobian)
+        total -= ((record.sines[i] * record.adjoints[i])[:, None] * jacobian) @ jacobian.mT
+    return total

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from jointsdf.runs.stored_json import read_json
 from jointsdf.shapes.labels.face_matching import TOLERANCE, in_box
 
 FORMAT = "jointsdf labels"
@@ -45,14 +46,14 @@ def find_other_mesh(labels: Path, corners: Float[ndarray, "f 3 3"]) -> str | Non
         Name of the other mesh file. None where the labels fit, or have no record, or are not those of the record.
     """
     try:
-        record = json.loads(labels.with_suffix(".json").read_bytes())
+        record = read_json(labels.with_suffix(".json"))
         if record["format"] != FORMAT or record["labels"] != labels.name:
             return None
         if record["sha256"] != hashlib.sha256(labels.read_bytes()).hexdigest():
             return None
         mesh, count = str(record["mesh"]), int(record["faces"])
         known = np.array(record["centroids"], dtype=np.float64).reshape(-1, 3)
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+    except (OSError, ValueError, TypeError, KeyError):
         return None  # no record of ours
     ours = sample_centroids(corners)
     fits = count == len(corners) and known.shape == ours.shape and bool((np.abs(known - ours) <= TOLERANCE).all())

@@ -5,7 +5,7 @@ from jaxtyping import Int, Shaped
 from numpy import ndarray
 
 from jointsdf.errors import InputError
-from jointsdf.geometry.mesh import face_areas
+from jointsdf.geometry.mesh import part_areas
 from jointsdf.values import MOST_LABEL, UNLABELLED, LabelledMesh
 
 
@@ -46,7 +46,6 @@ def number_by_area(mesh: LabelledMesh) -> Int[ndarray, " f"]:
     """
     labelled = mesh.labels != UNLABELLED
     parts = np.searchsorted(mesh.part_ids, mesh.labels[labelled])
-    part_areas = np.bincount(parts, face_areas(mesh)[labelled], minlength=len(mesh.part_ids))
     labels = mesh.labels.copy()
-    labels[labelled] = np.argsort(np.argsort(-part_areas, kind="stable"), kind="stable")[parts]
+    labels[labelled] = np.argsort(np.argsort(-part_areas(mesh), kind="stable"), kind="stable")[parts]
     return labels

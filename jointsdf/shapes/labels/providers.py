@@ -24,6 +24,7 @@ from jointsdf.shapes.labels.unlabelled import Labels, UnlabelledShape
 from jointsdf.shapes.segmentation.hierarchy import MOST, Hierarchy, build_hierarchy
 from jointsdf.values import UNLABELLED
 
+OWN = "own"  # provider of what the mesh brings
 SLIVER, WHOLE = 0.01, 0.9  # shares of the area: a part below is hardly one; beside a part above, nothing is divided
 
 logger = logging.getLogger(__name__)
@@ -34,11 +35,18 @@ def auto(shape: UnlabelledShape) -> Labels:
     if len(shape.solid.part_ids):
         shape.refuse_count(f"{shape.name} has its own labels")
         return number_by_area(shape.solid), "builtin"
-    if own := find_own(shape):
-        return own
+    if found := find_own(shape):
+        return found
     if suggestion := suggest_columns(shape.name, shape.file_mesh):
         logger.warning("%s", suggestion)
     return geometric(shape)
+
+
+def own(shape: UnlabelledShape) -> Labels:
+    """The mesh's own labels, those in its file or beside it, else none."""
+    if len(shape.solid.part_ids):
+        return number_by_area(shape.solid), "builtin"
+    return find_own(shape) or none(shape)
 
 
 def brep(shape: UnlabelledShape) -> Labels:
@@ -81,6 +89,7 @@ PROVIDERS: dict[str, Callable[[UnlabelledShape], Labels]] = {
     "partfield": from_partfield,
     "brep": brep,
     "none": none,
+    OWN: own,
 }
 
 

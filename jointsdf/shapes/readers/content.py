@@ -11,6 +11,7 @@ from jointsdf.shapes.readers.formats import (
     GZIP,
     LISTED,
     READ,
+    SOME,
     UNREAD,
     format_of,
     stem_of,
@@ -46,6 +47,19 @@ def read_content(path: Path) -> Content:
         InputError: The file is missing, a folder, a pipe, empty or unreadable, is or holds another format than its name
             says, or is compressed and truncated, damaged, or too large.
     """
+    data, sha256 = read_file(path)
+    _check_format(path, data)
+    if is_blank(data):
+        raise InputError(f"{path} is empty ({path.stat().st_size} bytes without a mesh): export it again")
+    return Content(format_of(path), data, sha256)
+
+
+def read_file(path: Path) -> tuple[bytes, str]:
+    """Read a file of any format: its bytes, decompressed, and the hash of those on the disk.
+
+    Raises:
+        InputError: The file is missing, a folder, a pipe, or unreadable, or its compression is damaged.
+    """
     if not path.exists():
         raise InputError(f"file not found: {path}")
     if path.is_dir():
@@ -56,11 +70,12 @@ def read_content(path: Path) -> Content:
         stored = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path} cannot be opened: {error.strerror}") from error
-    data = unpack(path, stored)
-    _check_format(path, data)
-    if not data.strip(b" \t\r\n\0"):
-        raise InputError(f"{path} is empty ({len(stored)} bytes without a mesh): export it again")
-    return Content(format_of(path), data, hashlib.sha256(stored).hexdigest())
+    return unpack(path, stored), hashlib.sha256(stored).hexdigest()
+
+
+def is_blank(data: bytes) -> bool:
+    """True for nothing but space and zeros."""
+    return not data.strip(b" \t\r\n\0")
 
 
 def _check_format(path: Path, data: bytes) -> None:
@@ -77,7 +92,9 @@ def _check_format(path: Path, data: bytes) -> None:
         raise InputError(f"{path} is {unread.name}: {unread.fix}")
     if not said:
         suffix = suffix_of(path)
-        raise InputError(f"{path}: format {suffix or 'without suffix'} is not read; use one of {LISTED}")
+        raise InputError(
+            f"{path}: format {suffix or 'without suffix'} is not read; use one of {LISTED}; for points {SOME}"
+        )
 
 
 def _renamed(path: Path, suffix: str) -> str:

@@ -9,11 +9,13 @@ READ = {
     "step": "step", "stp": "step", "p21": "step",
 }  # fmt: skip
 FORMATS = tuple(READ)  # suffixes, each also with .gz
+POINTS = ("xyz", "xyzn", "pts", "asc", "pcd", "las", "laz")  # suffixes of files that hold nothing but points
+SOME = "ply, xyz, csv, npy, pcd or las"  # formats of points
 LISTED = f"{', '.join(FORMATS)} (also .gz)"
 
 AS_STEP = "export it as STEP"
 AS_MESH = "export it as PLY, OBJ or STL"
-AS_SURFACE = "a mesh is needed: reconstruct its surface, then save it as PLY"
+AS_SURFACE = "a mesh is needed: reconstruct its surface, or fit the points by shape=<file> recipe=points"
 UNPACK = "unpack it and give the mesh file in it"
 NO_MESH = "give a mesh or STEP file"
 
@@ -64,6 +66,7 @@ UNREAD = {
     "inp": Unread("an Abaqus input file", "export its surface as STL or PLY"),
     "bdf": Unread("a Nastran file", "export its surface as STL or PLY"),
     "xyz": Unread("a point cloud", AS_SURFACE),
+    "e57": Unread("a point cloud in E57", "export it as PLY, PCD or LAS"),
     "zip": Unread("a zip archive", UNPACK),
     "7z": Unread("a 7z archive", UNPACK),
     "rar": Unread("a rar archive", UNPACK),
@@ -85,7 +88,7 @@ CONTAINERS = ("zip", "ole", "gz", "bz2", "xyz", "csv")  # of which a file's name
 ALIASES = {
     "iges": "igs", "sldasm": "sldprt", "catproduct": "catpart", "iam": "ipt", "x_b": "x_t", "xmt_txt": "x_t",
     "sab": "sat", "brp": "brep", "usdz": "usd", "usda": "usd", "usdc": "usd", "x3d": "wrl", "vtp": "vtk", "vtu": "vtk",
-    "nas": "bdf", "xyzc": "xyz", "pts": "xyz", "pcd": "xyz", "las": "xyz", "laz": "xyz", "e57": "xyz", "tgz": "tar",
+    "nas": "bdf", "xyzc": "xyz", "pts": "xyz", "asc": "xyz", "pcd": "xyz", "las": "xyz", "laz": "xyz", "tgz": "tar",
     "xz": "bz2", "zst": "bz2", "htm": "html", "jpg": "png", "jpeg": "png", "gif": "png", "bmp": "png", "tif": "png",
     "tiff": "png", "webp": "png", "svg": "png", "yaml": "yml", "npz": "npy", "txt": "csv",
 }  # fmt: skip

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from jointsdf.geometry.mesh import used_vertices
 from jointsdf.shapes.readers.face_columns import majority
 from jointsdf.shapes.readers.gltf_accessors import read_accessor, read_indices, refuse_compression
 from jointsdf.shapes.readers.gltf_container import Container
@@ -56,10 +57,7 @@ def read_primitive(source: str, file: Container, primitive: Json) -> Primitive |
     positions = read_accessor(file, attributes["POSITION"], ("VEC3",))
     count = len(positions)
     order = read_indices(file, primitive["indices"], count) if "indices" in primitive else np.arange(count)
-    triangles = cut_into_triangles(order, mode)
-    used = np.zeros(count, dtype=bool)
-    used[triangles] = True
-    triangles = (np.cumsum(used) - 1)[triangles]
+    used, triangles = used_vertices(cut_into_triangles(order, mode), count)
     colours = np.ones((len(triangles), 3))
     if "COLOR_0" in attributes:
         colours = _colours_of_most_corners(file, attributes["COLOR_0"], used, triangles)

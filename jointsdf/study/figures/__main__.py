@@ -3,12 +3,13 @@
 import argparse
 import logging
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 
 from jointsdf.cli_logging import program_name
 from jointsdf.runs.records import DEFAULT_PROTOCOL
 from jointsdf.runs.row import ResultRow
+from jointsdf.runs.trusted_targets import TRUST_HELP, trusted_names
 from jointsdf.study.__main__ import add_folders, add_heads
 from jointsdf.study.collect import collect, load_rows
 from jointsdf.study.families import groups_with_own_tables, join_variants
@@ -22,7 +23,11 @@ from jointsdf.study.tables.write import FIGURES
 
 log = logging.getLogger("jointsdf.study.figures")
 
-FROM_RUN_FOLDERS = {"triptychs": triptychs, "failures": failures, "loss_curves": loss_curves}
+FROM_RUN_FOLDERS: dict[str, Callable[[Group, Path, Collection[str]], tuple[Drawing | None, list[str]]]] = {
+    "triptychs": triptychs,
+    "failures": failures,
+    "loss_curves": lambda group, outputs, _: loss_curves(group, outputs),
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,12 +35,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog=program_name("jointsdf.figures"), description="Figures of the runs.")
     add_folders(parser)
     add_heads(parser)
+    parser.add_argument("--trust", metavar="MODULE", action="append", help=TRUST_HELP)
     options = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     logging.getLogger("fontTools").setLevel(logging.WARNING)
     try:
-        rows = load_rows(options.outputs, options.results, options.heads)
-        for path in write_figures(rows, options.outputs, options.heads):
+        rows, passed_over = load_rows(options.outputs, options.results, options.heads)
+        for path in write_figures(rows, options.outputs, options.heads, trusted_names(options.trust), passed_over):
             log.info(path)
     except (ValueError, OSError) as error:
         log.error(error)
@@ -43,7 +49,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def write_figures(rows: Sequence[ResultRow], outputs: Path, heads: Collection[str] | None = None) -> list[Path]:
+def write_figures(
+    rows: Sequence[ResultRow],
+    outputs: Path,
+    heads: Collection[str] | None = None,
+    trust: Collection[str] = (),
+    passed_over: int = 0,
+) -> list[Path]:
     """Write every figure of every group of at least two runs; delete the figures of groups that are gone.
 
     A figure of files in run folders shows the runs that have them; missing ones are logged, one line per figure.
@@ -52,16 +64,18 @@ def write_figures(rows: Sequence[ResultRow], outputs: Path, heads: Collection[st
         rows: Result rows.
         outputs: Folder of the studies; the figures go to its `figures/`.
         heads: The heads that the rows were selected by; None for all.
+        trust: Modules whose classes a run folder's config may name.
+        passed_over: Number of files that `load_rows` passed over.
 
     Raises:
         OSError: The folder cannot be written.
     """
     folder = outputs / FIGURES
     written: list[Path] = []
-    groups = group_runs(collect(rows), find_missing_runs(outputs, rows, heads))
+    groups = group_runs(collect(rows), find_missing_runs(outputs, rows, heads), passed_over)
     for group in groups_with_own_tables(groups, join_variants(groups)):
         if len(group.runs) > 1:
-            for name, drawing in _drawings(group, outputs):
+            for name, drawing in _drawings(group, outputs, trust):
                 written += write_drawing(drawing, folder / (name + group.suffix))
     for name in (*PLOTS, *FROM_RUN_FOLDERS):
         for path in {*folder.glob(f"{name}.*"), *folder.glob(f"{name}{SUFFIX}*")} - set(written):
@@ -69,14 +83,14 @@ def write_figures(rows: Sequence[ResultRow], outputs: Path, heads: Collection[st
     return written
 
 
-def _drawings(group: Group, outputs: Path) -> Iterator[tuple[str, Drawing]]:
+def _drawings(group: Group, outputs: Path, trust: Collection[str]) -> Iterator[tuple[str, Drawing]]:
     for name, plot in PLOTS.items():
         if drawing := plot(group):
             yield name, drawing
     if group.key["protocol"] != DEFAULT_PROTOCOL:
         return  # the same run folders as the default protocol's
     for name, picture in FROM_RUN_FOLDERS.items():
-        drawing, missing = picture(group, outputs)
+        drawing, missing = picture(group, outputs, trust)
         if missing:
             log.warning(f"{name}{group.suffix}: without {len(missing)} run folders, the first: {missing[0]}")
         if drawing:

@@ -50,14 +50,22 @@ def loss_curves(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]
 
 
 def read_curves(folder: Path, prefix: str = PREFIX) -> Curves:
-    """Read the scalars of a folder of event files whose tag has the prefix, by default the loss terms."""
+    """Read the scalars of a folder of event files whose tag has the prefix, by default the loss terms.
+
+    Returns:
+        Name -> value by step; empty where there is none, or the files are damaged.
+    """
+    from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
     if not any(folder.glob("events.*")):
         return {}
     logging.getLogger("tensorboard").setLevel(logging.ERROR)  # a killed run may leave a partial last record
     events = EventAccumulator(str(folder), size_guidance={"scalars": 0, "images": 1, "tensors": 1})
-    events.Reload()
+    try:
+        events.Reload()
+    except (OSError, ValueError, DecodeError):  # a folder in place of a file, or no event in a record
+        return {}
     curves = {}
     for tag in events.Tags()["scalars"]:
         if tag.startswith(prefix):

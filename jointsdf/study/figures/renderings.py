@@ -1,6 +1,6 @@
 """Pages of rendered meshes: ground truth next to predictions, and the worst runs with their errors."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ CRITERIA = {  # column: name, whether the largest is worst
 }
 
 
-def triptychs(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
+def triptychs(group: Group, outputs: Path, trust: Collection[str] = ()) -> tuple[Drawing | None, list[str]]:
     """Ground truth and two heads in part colours, a row per shape, one camera per row.
 
     The shapes are spread evenly over the number of parts, not chosen by hand.
@@ -42,6 +42,7 @@ def triptychs(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
     Args:
         group: Runs that may be compared.
         outputs: Folder of the studies.
+        trust: Modules whose classes a run folder's config may name.
 
     Returns:
         The figure, None where no run can be shown; and a message for each run that cannot.
@@ -60,7 +61,7 @@ def triptychs(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
             missing.append(f"{shape}: no mesh from {', '.join(empty)}")
             continue
         try:
-            pairs = [load_pair(run_folder(outputs, run)) for run in runs]
+            pairs = [load_pair(run_folder(outputs, run), trust) for run in runs]
         except InputError as error:
             missing.append(str(error))
             continue
@@ -75,12 +76,13 @@ def triptychs(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
     return Drawing(draw_page(rows, titles), caption(what, comparison, unequal=False)), missing
 
 
-def failures(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
+def failures(group: Group, outputs: Path, trust: Collection[str] = ()) -> tuple[Drawing | None, list[str]]:
     """The worst run by each criterion: ground truth, prediction, both with the distance between them, wrong labels.
 
     Args:
         group: Runs that may be compared.
         outputs: Folder of the studies.
+        trust: Modules whose classes a run folder's config may name.
 
     Returns:
         The figure, None where no run can be shown; and a message for each run that cannot.
@@ -93,7 +95,7 @@ def failures(group: Group, outputs: Path) -> tuple[Drawing | None, list[str]]:
             continue
         run = runs.sort_values(column, ascending=not largest, kind="stable").iloc[0]
         try:
-            pair = load_pair(run_folder(outputs, run))
+            pair = load_pair(run_folder(outputs, run), trust)
         except InputError as error:
             missing.append(str(error))
             continue

@@ -1,5 +1,6 @@
 """Ground truth and prediction of one run: parts matched by linear assignment, errors per face."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +14,7 @@ from jointsdf.errors import InputError
 from jointsdf.geometry.distance import ClosestPoint
 from jointsdf.geometry.mesh import face_areas
 from jointsdf.shapes.labels.columns import read_own_labels
-from jointsdf.shapes.stored import stored_truth
+from jointsdf.shapes.stored import stored_mesh_truth
 from jointsdf.values import LabelledMesh, Shape
 
 MESH = "mesh.ply"
@@ -77,8 +78,12 @@ class Pair:
         return labels
 
 
-def load_pair(folder: Path) -> Pair:
+def load_pair(folder: Path, trust: Collection[str] = ()) -> Pair:
     """Load the meshes of a finished run.
+
+    Args:
+        folder: The run folder.
+        trust: Modules whose classes its config may name.
 
     Raises:
         InputError: The run folder has no mesh, or its ground truth has changed. One line.
@@ -86,7 +91,7 @@ def load_pair(folder: Path) -> Pair:
     path = folder / MESH
     if not path.is_file():
         raise InputError(f"{path} is not there")
-    _, truth = stored_truth(folder)
+    _, truth = stored_mesh_truth(folder, trust)
     return Pair(truth, read_own_labels(path))
 
 

@@ -45,6 +45,7 @@ MIOU_EXACT = Column("miou_exact", "mIoU exact", 3, "high")
 ACC_EXACT = Column("acc_exact", "Acc. exact", 3, "high")
 BOUNDARY_F1 = Column("boundary_f1", "Boundary F1", 3, "high")
 BOUNDARY_F1_FINE = Column("boundary_f1_fine", "Fine", 3, "high")
+EDGE_F1_FINE = Column("edge_f1_fine", "Edge F1, fine", 3, "high")
 SECONDS = Column("seconds_total", "Total", 0, "low", " (s)")
 MEMORY = Column("peak_memory_mb", "Memory", 0, "low", " (MiB)")
 
@@ -56,6 +57,7 @@ RECONSTRUCTION = (
     NC,
     F1,
     SURFACE_P99,
+    EDGE_F1_FINE,
     Column("components", "Components", 1, "none"),
 )
 SEGMENTATION = (MIOU, ACC, CONSISTENCY, MIOU_EXACT, ACC_EXACT, BOUNDARY_F1, BOUNDARY_F1_FINE)
@@ -70,9 +72,31 @@ DISTANCE = (
     Column("sign_error", "Sign", 5, "low"),
     Column("sdf_error_mean_b1", r"Error, 1\,\%", 5, "low"),
 )
+EDGES = (
+    EDGE_F1_FINE,
+    Column("edge_f1", "Edge F1", 3, "high"),
+    Column("edge_cd", "Edge CD", 3, "low", HUNDREDTHS),
+    Column("crease_angle_error", r"$\angle$ ($^\circ$)", 1, "low"),
+    Column("crease_length_ratio", "Length", 2, "none"),
+    Column("false_crease_length", "False", 2, "low"),
+    Column("crease_nc", "NC", 3, "high"),
+    Column("flatness", "Flatness", 5, "low"),
+    Column("crease_border_p99", "Border p99", 4, "low"),
+    Column("crease_border_back_p99", "back", 4, "low"),
+)
+HELD_OUT = (
+    Column("held_out_mean", "To surface", 5, "low"),
+    Column("held_out_p99", "p99", 4, "low"),
+    Column("to_cloud_mean", "To cloud", 5, "low"),
+    Column("to_cloud_p99", "p99 to cloud", 4, "low"),
+    Column("uncovered", "Uncovered", 4, "none"),
+    Column("held_out_acc", "Acc.", 3, "high"),
+    Column("held_out_miou", "mIoU", 3, "high"),
+    Column("components", "Components", 1, "none"),
+)
 BY_PART_COUNT = (CD_L1, CD_L1_OVER_FLOOR, NC, F1, MIOU, ACC, MIOU_EXACT)
 PAIRED = (CD_L1, CD_L1_OVER_FLOOR, NC, F1)
-CONTRASTED = (CD_L1_OVER_FLOOR, SURFACE_P99, NC, F1, *SEGMENTATION)
+CONTRASTED = (CD_L1_OVER_FLOOR, SURFACE_P99, NC, F1, EDGE_F1_FINE, *SEGMENTATION)
 AGAINST_PAPER = (CD_L1, CD_L2, NC, F1, MIOU, ACC, CONSISTENCY)
 COST = (
     *(Column(f"seconds_{stage}", stage.capitalize(), 1, "low", " (s)") for stage in ("fit", "extract", "evaluate")),
@@ -107,6 +131,7 @@ WORST = (
     Column("miou_exact_over_ceiling", "mIoU exact/ceiling", 3, "high"),
     ACC_EXACT,
     BOUNDARY_F1,
+    Column("edge_f1_fine_over_ceiling", "Edge F1, fine/ceiling", 3, "high"),
 )
 RIGHT = (
     Column("pieces_right", "Right number of pieces", 0, "high"),

@@ -10,12 +10,14 @@ from jointsdf.runs.records import IOU
 from jointsdf.study.captions import SEVERAL, describe_machines
 from jointsdf.study.comparisons import Comparison, compare
 from jointsdf.study.groups import Group
-from jointsdf.study.statistics import pooled_deviation
+from jointsdf.study.statistics import Summary, pooled_deviation
 from jointsdf.study.tables.columns import (
     BY_PART_COUNT,
     CONTRASTED,
     COST,
     DISTANCE,
+    EDGES,
+    HELD_OUT,
     RECONSTRUCTION,
     SEGMENTATION,
     Column,
@@ -45,8 +47,8 @@ def main_reconstruction(group: Group, label: str) -> Table | None:
 
 
 def main_segmentation(group: Group, label: str) -> Table | None:
-    """Segmentation metrics, a line per head, then floor and ceiling. None for a group without labels."""
-    references = ", ".join(f"{name}: {meaning}" for name, meaning in REFERENCES.items())
+    """Segmentation metrics, a line per head, then floor or ceiling. None for a group without labels."""
+    references = ", ".join(f"{name}: {meaning}" for name, meaning in REFERENCES.items()) + " (c)"
     what = f"Segmentation ({references}), {MEAN}"
     return _by_head(what, compare(group, baseline=False), SEGMENTATION, REFERENCES, label)
 
@@ -57,6 +59,27 @@ def distance(group: Group, label: str) -> Table | None:
     comparison = compare(group, baseline=True)
     measured = {column.metric for column in DISTANCE} & set(comparison.runs.columns)
     return _by_head(what, comparison, DISTANCE, {}, label) if measured else None
+
+
+def edges(group: Group, label: str) -> Table | None:
+    """Creases and planes, a line per head, then the ceiling. None for a group of rows without them."""
+    what = (
+        "Edges: creases (fine: within 0.2 percent of the longest side, else 0.5), normals within 1 percent of them, "
+        f"planes and part borders on creases (ceiling: {REFERENCES['ceiling']}), {MEAN}"
+    )
+    comparison = compare(group, baseline=True)
+    measured = {column.metric for column in EDGES} & set(comparison.runs.columns)
+    references = {"ceiling": REFERENCES["ceiling"]}
+    return _by_head(what, comparison, EDGES, references, label) if measured else None
+
+
+def held_out(group: Group, label: str) -> Table | None:
+    """Point clouds without a truth: distances and labels at points held out of the fit, a line per head."""
+    what = (
+        "Held-out points of clouds without a truth: distance to the surface, and of the surface to the "
+        f"cloud, in shares of the longest side; area that the cloud does not cover; labels at held-out points, {MEAN}"
+    )
+    return _by_head(what, compare(group, baseline=True), HELD_OUT, {}, label)
 
 
 def cost(group: Group, label: str) -> Table | None:
@@ -127,7 +150,7 @@ def seeds(group: Group, label: str) -> Table | None:
     counts = group.runs.groupby(["head", "shape"])["seed"].transform("nunique")
     runs = group.runs[counts > 1]
     common = compare(replace(group, runs=runs), baseline=True)
-    repeated = replace(common, runs=runs, shapes=sorted(set(runs["shape"])), dropped={})  # heads are not compared
+    repeated = replace(common, runs=runs, shapes=sorted(runs["shape"].unique()), dropped={})  # heads are not compared
     text: dict[str, list[str]] = {name: [] for name in ("Head", *(column.header for column in CONTRASTED))}
     numbers: list[dict[str, Any]] = []
     for head in repeated.heads:
@@ -156,16 +179,22 @@ def _by_head(
         kind: summarise_metrics(comparison.runs, [f"{metric}_{kind}" for metric in metrics]) for kind in references
     }
     below = {kind: line for kind, line in below.items() if has_values({kind: line})}
-    text = {
-        "Head": [*map(escape, heads), *(rf"\textit{{{kind}}}" for kind in below)],
-        "$N$": [str(n)] * (len(heads) + len(below)),
-    }
+    last = [rf"\textit{{{' or '.join(below)}}}"] if below else []
+    text = {"Head": [*map(escape, heads), *last], "$N$": [str(n)] * (len(heads) + len(last))}
     for i, (column, cells) in enumerate(zip(columns, rank_columns(heads, columns, n), strict=True)):
-        rest = [cell(line[i], digits=column.digits, out_of=n, bold=False) for line in below.values()]
-        text[column.header] = cells + rest
+        if any(line[i].n for line in heads.values()):
+            text[column.header] = cells + [_reference(below, i, column.digits, n)] * len(last)
     numbers = [{"head": name, "n": n} | summary_numbers(metrics, line) for name, line in (heads | below).items()]
     blocks = [len(heads) - 1] if below else []
     return build_table(comparison, numbers, text, what, label, unequal=has_incomplete_means(heads, n), blocks=blocks)
+
+
+def _reference(below: Mapping[str, Sequence[Summary]], i: int, digits: int, n: int) -> str:
+    """Cell of the first reference that a metric has; of a later one with its initial."""
+    for number, (kind, line) in enumerate(below.items()):
+        if line[i].n:
+            return cell(line[i], digits=digits, out_of=n, bold=False) + (f" ({kind[0]})" if number else "")
+    return MISSING
 
 
 def _part_ids(runs: pd.DataFrame) -> list[int]:

@@ -9,9 +9,9 @@ from jointsdf.study.comparisons import Comparison, add_borrowed_baseline, compar
 from jointsdf.study.families import Family
 from jointsdf.study.groups import BASELINE, Group
 from jointsdf.study.statistics import PairedTests, holm, paired_tests, summarise
-from jointsdf.study.tables.columns import CONTRASTED, PAIRED, Column
+from jointsdf.study.tables.columns import CONTRASTED, DISTANCE, PAIRED, Column
 from jointsdf.study.tables.latex import MISSING, cell, escape, format_number, format_p_value
-from jointsdf.study.tables.table import Line, Table, build_block_table, values_by_head
+from jointsdf.study.tables.table import Line, Table, build_block_table, measured, values_by_head
 
 TESTS = (
     "mean difference with its 95% confidence interval (Student's t), two-sided p of the paired t-test and of "
@@ -26,7 +26,7 @@ def paired_reconstruction(group: Group, label: str) -> Table | None:
     if comparison.heads[:1] != [BASELINE] or len(comparison.heads) < 2:
         return None
     pairs = [(head, BASELINE) for head in comparison.heads[1:]]
-    lines = [line for column in PAIRED for line in _lines_with_means(comparison, column, pairs)]
+    lines = [line for column in measured(comparison, PAIRED) for line in _lines_with_means(comparison, column, pairs)]
     borrowed = f". Runs of {BASELINE}: study {group.borrowed_from}" if group.borrowed_from else ""
     what = (
         f"Each head minus the baseline without one ({BASELINE}) on the same {len(comparison.shapes)} shapes: mean ± "
@@ -39,7 +39,8 @@ def paired_heads(group: Group, label: str) -> Table | None:
     """Each two heads with labels on the shapes of all: difference, interval, tests. None for fewer than two heads."""
     comparison = compare(group, baseline=False)
     pairs = [(later, earlier) for earlier, later in combinations(comparison.heads, 2)]
-    lines = [line for column in CONTRASTED for line in _lines_of_differences(comparison, column, pairs)]
+    columns = measured(comparison, CONTRASTED)
+    lines = [line for column in columns for line in _lines_of_differences(comparison, column, pairs)]
     what = f"Each head minus each other one on the same {len(comparison.shapes)} shapes: {TESTS}"
     return build_block_table(comparison, lines, what, label, len(pairs)) if pairs else None
 
@@ -48,7 +49,8 @@ def variants(family: Family, label: str) -> Table:
     """Each variant of a study minus the first one, for each head: difference, interval, tests."""
     comparison = compare(family.group, baseline=False)
     references = ", ".join(dict.fromkeys(reference for _, reference in family.pairs))
-    lines = [line for column in CONTRASTED for line in _lines_with_means(comparison, column, family.pairs)]
+    columns = measured(comparison, (*CONTRASTED, *DISTANCE))
+    lines = [line for column in columns for line in _lines_with_means(comparison, column, family.pairs)]
     what = (
         f"Each variant minus {references} on the same {len(comparison.shapes)} shapes: mean ± sample standard "
         f"deviation, {TESTS}"

@@ -9,7 +9,7 @@ import pandas as pd
 
 from jointsdf.study.captions import caption
 from jointsdf.study.comparisons import Comparison
-from jointsdf.study.statistics import Summary, per_shape, summarise
+from jointsdf.study.statistics import Summary, per_shape, shape_means, summarise
 from jointsdf.study.tables.columns import Column
 from jointsdf.study.tables.latex import Goal, cell, mark_best, tabular
 
@@ -69,14 +69,28 @@ def build_block_table(comparison: Comparison, lines: Sequence[Line], what: str, 
     return build_table(comparison, [numbers for numbers, _ in lines], text, what, label, blocks=ends)
 
 
+def measured(comparison: Comparison, columns: Sequence[Column]) -> list[Column]:
+    """Columns that some run has a value of; all of them where there is none."""
+    known = comparison.runs.columns[comparison.runs.notna().any()]
+    return [column for column in columns if column.metric in known] or list(columns)
+
+
 def values_by_head(comparison: Comparison, metric: str) -> dict[str, dict[str, float]]:
     """Head -> shape -> value, seeds averaged."""
-    return {head: per_shape(comparison.of(head), metric) for head in comparison.heads}
+    runs = comparison.runs
+    if metric not in runs or runs.empty:
+        return {head: per_shape(comparison.of(head), metric) for head in comparison.heads}
+    values: dict[str, dict[str, float]] = {head: {} for head in comparison.heads}
+    means = runs.groupby(["head", "shape"])[metric].mean().reset_index()
+    for head, shape, mean in means.itertuples(index=False, name=None):
+        values[head][shape] = float(mean)
+    return values
 
 
 def summarise_metrics(runs: pd.DataFrame, metrics: Sequence[str]) -> list[Summary]:
     """Summarise each metric over the shapes of the runs."""
-    return [summarise(per_shape(runs, metric).values()) for metric in metrics]
+    means = shape_means(runs, metrics)
+    return [summarise(means[metric].values()) for metric in metrics]
 
 
 def has_values(lines: Mapping[str, Sequence[Summary]]) -> bool:

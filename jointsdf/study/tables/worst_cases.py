@@ -8,7 +8,7 @@ from jointsdf.study.missing_runs import shorten
 from jointsdf.study.statistics import per_shape, summarise
 from jointsdf.study.tables.columns import RIGHT, WORST, Column
 from jointsdf.study.tables.latex import MISSING, cell, escape, format_number
-from jointsdf.study.tables.table import Line, Table, build_block_table
+from jointsdf.study.tables.table import Line, Table, build_block_table, measured
 
 NAMED = 5  # shapes; of more, the number of the others
 
@@ -21,7 +21,8 @@ def worst(group: Group, label: str) -> Table | None:
     comparison = compare(group, baseline=False)
     if not comparison.heads:
         return None
-    lines = [_line(comparison, head, column) for column in (*WORST, *RIGHT) for head in comparison.heads]
+    columns = measured(comparison, (*WORST, *RIGHT))
+    lines = [_line(comparison, head, column) for column in columns for head in comparison.heads]
     what = (
         "Mean ± sample standard deviation and the worst value with its shape; below, on how many shapes pieces, Euler "
         "number (holes) and parts are as in the ground truth, and where not. "

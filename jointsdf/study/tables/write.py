@@ -9,6 +9,7 @@ from pathlib import Path
 
 from jointsdf.runs.csv import FILE, rows_to_csv
 from jointsdf.runs.files import write_atomically
+from jointsdf.runs.records import HOLDOUT
 from jointsdf.runs.row import ResultRow
 from jointsdf.study.collect import collect
 from jointsdf.study.document import DOCUMENT, build_document
@@ -26,6 +27,8 @@ ENDINGS = (".csv", ".tex")
 PAPER = "paper"
 FIGURES = "figures"
 VARIANTS = "variants"
+HELD_OUT = "held_out"  # table of the groups of the protocol `HOLDOUT`
+OF_ANY = ("seeds", "cost")  # tables of every group
 Builder = Callable[[Group, str], Table | None]
 
 
@@ -36,9 +39,11 @@ def builders(paper: Path) -> dict[str, Builder]:
         paper: Folder of the paper's numbers.
     """
     return {
+        HELD_OUT: main_tables.held_out,
         "main_reconstruction": main_tables.main_reconstruction,
         "main_segmentation": main_tables.main_segmentation,
         "distance": main_tables.distance,
+        "edges": main_tables.edges,
         "worst": worst,
         "against_paper": partial(against_paper, paper=paper),
         "paired_reconstruction": paired_tests.paired_reconstruction,
@@ -54,8 +59,13 @@ def builders(paper: Path) -> dict[str, Builder]:
     }
 
 
+def fits(table: str, group: Group) -> bool:
+    """Whether a table is of a group's kind of scores: those by held-out points have one of their own."""
+    return table in OF_ANY or (table == HELD_OUT) == (group.key["protocol"] == HOLDOUT)
+
+
 def write_tables(
-    rows: Sequence[ResultRow], outputs: Path, results: Path, heads: Collection[str] | None = None
+    rows: Sequence[ResultRow], outputs: Path, results: Path, heads: Collection[str] | None = None, passed_over: int = 0
 ) -> list[Path]:
     """Write `tables/` below a folder: `runs.csv`, the tables and `report.tex`; delete tables of groups that are gone.
 
@@ -64,6 +74,7 @@ def write_tables(
         outputs: Folder of `tables/`; the document includes the figures already in `figures/`.
         results: Folder of the committed results, for the paper's numbers.
         heads: The heads that the rows were selected by; None for all.
+        passed_over: Number of files that `load_rows` passed over.
 
     Returns:
         The files written, `runs.csv` first.
@@ -74,12 +85,13 @@ def write_tables(
     folder = outputs / FOLDER
     written = [folder / FILE]
     write_atomically(written[0], rows_to_csv(rows))
-    groups, builds = group_runs(collect(rows), find_missing_runs(outputs, rows, heads)), builders(results / PAPER)
+    groups = group_runs(collect(rows), find_missing_runs(outputs, rows, heads), passed_over)
+    builds = builders(results / PAPER)
     related = join_variants(groups)
     alone = groups_with_own_tables(groups, related)
     for group in alone:
         for name, build in builds.items():
-            if table := build(group, name + group.suffix):
+            if fits(name, group) and (table := build(group, name + group.suffix)):
                 written += _write(table, folder / (name + group.suffix))
     for family in related:
         name = VARIANTS + family.group.suffix
@@ -99,6 +111,6 @@ def write_tables(
 
 def _write(table: Table, stem: Path) -> list[Path]:
     csv, tex = (stem.with_name(stem.name + ending) for ending in ENDINGS)
-    write_atomically(csv, table.numbers.to_csv(index=False, lineterminator="\n"))
-    write_atomically(tex, table.latex)
+    write_atomically(csv, table.numbers.to_csv(index=False, lineterminator="\n"), durable=False)
+    write_atomically(tex, table.latex, durable=False)
     return [csv, tex]

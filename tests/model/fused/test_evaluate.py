@@ -1,5 +1,6 @@
 """The hand-written pass against plain autograd, for every order, head, objective and size of network."""
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from torch.nn.functional import normalize
 
 from jointsdf import threads
 from jointsdf.losses import Mixed, Needs
-from jointsdf.model.derivatives import autograd_gradient, autograd_mixed, mixed_stencil, tangent_frame
+from jointsdf.model.derivatives import autograd_gradient, autograd_hessian, autograd_mixed, mixed_stencil, tangent_frame
 from jointsdf.model.field import JointField
 from jointsdf.model.fused.evaluate import Evaluation, evaluate
 from jointsdf.model.trunk import SirenTrunk
@@ -22,7 +23,8 @@ from jointsdf.training.settings import FitSettings, Objective
 from jointsdf.values import FieldValues, Samples, Step
 
 CONF = str(Path(__file__).parents[3] / "conf")
-WANTED = ["value", "grad", "mixed"]
+WANTED = ["value", "grad", "mixed", "mixed and hessian"]
+DERIVATIVES = ("exact", "finite_difference")
 Sizes = tuple[int, int, float, float]
 
 
@@ -32,7 +34,8 @@ def oracle(trunk: SirenTrunk, points: Tensor, angles: Tensor, tap: int = 1) -> E
     sdf, feature = plain(trunk, points, tap)
     grad = autograd_gradient(lambda at: plain(trunk, at)[0], points)
     u, v = tangent_frame(torch.nn.functional.normalize(grad.detach(), dim=-1), angles)
-    return Evaluation(sdf, feature, grad, autograd_mixed(lambda at: plain(trunk, at)[0], points, u, v))
+    mixed = autograd_mixed(lambda at: plain(trunk, at)[0], points, u, v)
+    return Evaluation(sdf, feature, grad, mixed, autograd_hessian(lambda at: plain(trunk, at)[0], points))
 
 
 def parameter_gradients(trunk: SirenTrunk, loss: Tensor) -> list[Tensor]:
@@ -56,11 +59,12 @@ def test_values_and_parameter_gradients_equal_double_backward(
         trunk.output,
         points,
         grad=wanted == "grad",
-        angles=angles if wanted == "mixed" else None,
+        angles=angles if "mixed" in wanted else None,
+        hessian="hessian" in wanted,
         tap=layer,
     )
     given = [a is not None for a in found]
-    assert given == [True, tap is not None, wanted != "value", wanted == "mixed"]
+    assert given == [True, tap is not None, wanted != "value", "mixed" in wanted, "hessian" in wanted]
     generator = torch.Generator().manual_seed(0)
     losses = []
     for values in (found, expected):
@@ -84,7 +88,7 @@ def test_pieces_on_several_threads_give_the_same(monkeypatch: pytest.MonkeyPatch
         torch.set_num_threads(count)
         try:
             assert threads.pieces(points) == count
-            found = evaluate(trunk.sine_layers, trunk.output, points, angles=angles, tap=2)
+            found = evaluate(trunk.sine_layers, trunk.output, points, angles=angles, hessian=True, tap=2)
             losses = sum((value**2).sum() for value in found if value is not None)
             results.append([*found, *parameter_gradients(trunk, losses)])
         finally:
@@ -93,11 +97,11 @@ def test_pieces_on_several_threads_give_the_same(monkeypatch: pytest.MonkeyPatch
         assert relative(together, alone) < 1e-12
 
 
-@pytest.mark.parametrize("output", range(4), ids=Evaluation._fields)
+@pytest.mark.parametrize("output", range(5), ids=Evaluation._fields)
 def test_a_loss_of_one_output_alone_gets_its_gradient(output: int) -> None:
     """An output that no loss uses sends no adjoint back."""
     trunk, (points, angles) = network(24, 3, 10.0, 30.0), random_points()
-    found = evaluate(trunk.sine_layers, trunk.output, points, angles=angles, tap=2)[output]
+    found = evaluate(trunk.sine_layers, trunk.output, points, angles=angles, hessian=True, tap=2)[output]
     expected = oracle(trunk, points, angles, tap=2)[output]
     pairs = list(zip(*(parameter_gradients(trunk, (v**2).sum()) for v in (found, expected)), strict=True))
     assert all(relative(a, b) < 1e-10 for a, b in pairs if b.norm() > 0)
@@ -116,7 +120,7 @@ def oracle_step(module: JointSDFModule, samples: Samples, needs: Needs) -> Step:
             u, v = tangent_frame(torch.nn.functional.normalize(values.grad.detach(), dim=-1), angles)
             mixed = mixed_stencil(lambda at: plain(trunk, at)[0], points, u, v, 0.05)
         logits = module.field.head(torch.cat([values.feature, points], -1)) if "logits" in wanted else None
-        fields[name] = FieldValues(values.sdf, values.grad, mixed, logits)
+        fields[name] = FieldValues(values.sdf, values.grad, mixed, logits, values.hessian)
     return Step(fields, samples.labels, samples.normals, samples.pool_distances, samples.far_gradients)
 
 
@@ -136,15 +140,25 @@ def total(module: JointSDFModule, step: Step) -> Tensor:
     return torch.stack([weight * module.objective.terms[name](step) for name, weight in weights.items()]).sum()
 
 
-@pytest.mark.parametrize("derivative", ["exact", "finite_difference"])
-@pytest.mark.parametrize("loss", ["paper", "flatcad", "joint", "mesh"])
-@pytest.mark.parametrize("head", ["relu", "siren", "hybrid", "deep_skip", "none"])
+HEADS = ("relu", "siren", "hybrid", "deep_skip", "none")
+OURS = [[loss, f"weingarten.derivative={way}"] for loss in ("paper", "flatcad", "joint", "mesh") for way in DERIVATIVES]
+PUBLISHED = [
+    *(["igr"], ["digs"], ["digs", "divergence.low=0.0", "divergence.high=1e9"], ["singular_hessian"]),
+    *(["gaussian_curvature"], ["gaussian_curvature", "gaussian_curvature.normalised=true"]),
+]
+
+
+@pytest.mark.parametrize(
+    ("loss", "head"),
+    [*itertools.product(OURS, HEADS), *itertools.product(PUBLISHED, ["siren"])],
+    ids=lambda given: given if isinstance(given, str) else " ".join(given),
+)
 @pytest.mark.parametrize("dtype", [torch.float64, torch.float32], ids=str)
 def test_every_objective_and_head_has_the_oracles_gradients(
-    small_field: Callable[..., JointField], dtype: torch.dtype, head: str, loss: str, derivative: str
+    small_field: Callable[..., JointField], dtype: torch.dtype, loss: list[str], head: str
 ) -> None:
     with initialize_config_dir(CONF, version_base=None):
-        cfg = compose("config", [f"loss={loss}", f"loss.terms.weingarten.derivative={derivative}"])
+        cfg = compose("config", [f"loss={loss[0]}", *(f"loss.terms.{setting}" for setting in loss[1:])])
     objective = hydra.utils.instantiate(cfg.loss, _convert_="all")
     weights = objective["weights"] | ({"cross_entropy": 0} if head == "none" else {})
     field = small_field(head).eval().to(dtype)
@@ -167,12 +181,15 @@ def test_low_precision_touches_the_backward_pass_alone() -> None:
     trunk, (points, angles) = network(64, 4, 30.0, 30.0).float(), random_points(400)
     points, angles = points.float(), angles.float()
     runs = [
-        evaluate(trunk.sine_layers, trunk.output, points, angles=angles, tap=2, backward_dtype=dtype)
+        evaluate(trunk.sine_layers, trunk.output, points, angles=angles, hessian=True, tap=2, backward_dtype=dtype)
         for dtype in (None, torch.bfloat16)
     ]
     for exact, low in zip(*runs, strict=True):
         assert torch.equal(exact, low)
-    losses = [run.sdf.abs().sum() + run.grad.square().sum() + run.mixed.abs().sum() for run in runs]
+    losses = [
+        run.sdf.abs().sum() + run.grad.square().sum() + run.mixed.abs().sum() + 0.1 * run.hessian.abs().sum()
+        for run in runs
+    ]
     for exact, low in zip(*(parameter_gradients(trunk, loss) for loss in losses), strict=True):
         assert exact.dtype == low.dtype == torch.float32
         assert relative(low, exact) < 0.02

@@ -60,6 +60,7 @@ CONTENTS: dict[str, bytes | str] = {
     "html": "<!DOCTYPE html>\n<html><body>404</body></html>", "drc": b"DRACO\2\2",
     "msh": "$MeshFormat\n4.1 0 8\n", "inp": "** a comment\n*Heading\n", "bdf": "SOL 101\nCEND\nBEGIN BULK\nGRID,1\n",
     "xyz": "# .PCD v0.7\nVERSION 0.7\n", "7z": b"7z\xbc\xaf\x27\x1c\0\4", "rar": b"Rar!\x1a\x07\x01\0",
+    "e57": b"ASTM-E57\1\0",
     "zip": packed("part.stl"), "3mf": packed("[Content_Types].xml", "3D/3dmodel.model"), "npy": array(),
     "fcstd": packed("Document.xml"), "gz": gzip.compress(PLY.encode()), "bz2": b"BZh91AY&SY\0",
     "png": b"\x89PNG\r\n\x1a\n",

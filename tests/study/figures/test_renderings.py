@@ -1,5 +1,6 @@
 """Pages of pictures of meshes."""
 
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("small_pictures")
 def test_triptychs_show_a_row_per_shape(group: Group, monkeypatch: pytest.MonkeyPatch) -> None:
-    def load(folder: Path) -> Pair:
+    def load(folder: Path, trust: Collection[str]) -> Pair:  # noqa: ARG001 (the signature of `load_pair`)
         if "part_02" in folder.parts:
             raise InputError(f"{folder / 'mesh.ply'} is not there")
         return pair(labelled())
@@ -42,7 +43,7 @@ def test_triptychs_show_a_row_per_shape(group: Group, monkeypatch: pytest.Monkey
 def test_failures_are_the_worst_runs_with_heat_maps(group: Group, monkeypatch: pytest.MonkeyPatch) -> None:
     loaded = []
 
-    def load(folder: Path) -> Pair:
+    def load(folder: Path, trust: Collection[str]) -> Pair:  # noqa: ARG001 (the signature of `load_pair`)
         loaded.append("/".join(folder.parts[-3:-1]))
         return pair(labelled(scale=1.1))
 

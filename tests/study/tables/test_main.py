@@ -52,8 +52,16 @@ def test_segmentation_by_hand_has_no_baseline_but_floor_and_ceiling(outputs: Pat
     assert line(table, "ceiling")["miou_exact_mean"] == pytest.approx(0.98)
     assert line(table, "ceiling")["miou_n"] == 0
     text = read_tex(outputs, "main_segmentation")
-    assert r"\textit{floor} & 2 & 0.900 $\pm$ 0.000 & --" in text
+    assert r"\textit{floor or ceiling} & 2 & 0.900 $\pm$ 0.000 \\" in text, "no head has another metric"
     assert r"relu & 2 & \textbf{0.700} $\pm$ 0.141" in text
+
+
+def test_no_cell_of_the_references_is_blank(tmp_path: Path) -> None:
+    exact = {"miou_exact": 0.9, "miou_exact_ceiling": 0.98}
+    write(tmp_path, make_row("relu", miou=0.7, miou_floor=0.8, **exact))
+    make_tables(tmp_path)
+    text = read_tex(tmp_path, "main_segmentation")
+    assert r"\textit{floor or ceiling} & 1 & 0.800 $\pm$ 0.000 & 0.980 $\pm$ 0.000 (c) \\" in text
 
 
 def test_per_part_iou_is_over_the_shapes_that_have_the_part(outputs: Path) -> None:
@@ -134,3 +142,21 @@ def test_distance_by_hand_and_only_of_rows_that_have_it(tmp_path: Path) -> None:
     (tmp_path / "without").mkdir()
     write(tmp_path / "without", make_row("relu", cd_l1=1.0))
     assert not any(path.stem == "distance" for path in make_tables(tmp_path / "without"))
+
+
+def test_edges_by_hand_with_their_ceiling_and_only_of_rows_that_have_them(tmp_path: Path) -> None:
+    scores = {"cd_l1": 1.0, "edge_f1_fine": 0.6, "edge_f1_fine_ceiling": 0.8, "crease_angle_error": 30.0}
+    smooth = {"cd_l1": 1.0, "edge_f1_fine": NAN, "false_crease_length": 0.5}
+    rows = make_row("relu", **scores), make_row("relu", "abc_0002", **scores | {"edge_f1_fine": 0.7})
+    write(tmp_path, *rows, make_row("relu", "abc_0003", **smooth))
+    make_tables(tmp_path)
+    table = read_table(tmp_path, "edges")
+    relu, ceiling = line(table, "relu"), line(table, "ceiling")
+    assert (relu["edge_f1_fine_mean"], relu["edge_f1_fine_n"], relu["n"]) == pytest.approx((0.65, 2, 3))
+    assert (relu["crease_angle_error_mean"], relu["false_crease_length_mean"]) == (30.0, 0.5)
+    assert (ceiling["edge_f1_fine_mean"], ceiling["edge_f1_fine_n"]) == (0.8, 2)
+    worst = read_table(tmp_path, "worst").set_index("metric").loc["edge_f1_fine_over_ceiling"]
+    assert (worst["worst"], worst["shapes"]) == (pytest.approx(0.75), "abc_0001")
+    (tmp_path / "without").mkdir()
+    write(tmp_path / "without", make_row("relu", cd_l1=1.0))
+    assert not any(path.stem == "edges" for path in make_tables(tmp_path / "without"))

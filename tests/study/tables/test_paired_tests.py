@@ -81,6 +81,18 @@ def test_three_heads_give_three_differences_corrected_together(tmp_path: Path) -
     )
 
 
+def test_variants_are_compared_as_distances_where_their_rows_have_them(tmp_path: Path) -> None:
+    def runs(variant: str, angle: float) -> list[ResultRow]:
+        scores = {"nc": 0.9, "gradient_angle_median": angle}
+        return [make_row("siren", f"abc_000{k}", study="far", variant=variant, **scores) for k in range(3)]
+
+    write(tmp_path, *runs("grid", 0.25), *runs("none", 2.5))
+    make_tables(tmp_path)
+    table = read_table(tmp_path, "variants--far-fast-abc-brep-unit").set_index(["metric", "head"])
+    assert table.loc[("gradient_angle_median", "siren (none)"), "delta"] == pytest.approx(2.25)
+    assert "sdf_ratio" not in table.index.get_level_values("metric")
+
+
 def test_variants_are_compared_with_the_first_on_the_shapes_of_all(tmp_path: Path) -> None:
     def runs(variant: str, offset: float, shapes: int, head: str = "siren") -> list[ResultRow]:
         names = [f"abc_000{k}" for k in range(shapes)]

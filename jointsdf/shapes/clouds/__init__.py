@@ -1,0 +1,1 @@
+"""Point clouds as shapes: their files, labels and report."""
