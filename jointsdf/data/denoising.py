@@ -20,7 +20,7 @@ from jointsdf.geometry.mesh import unit
 
 NEIGHBOURS = (24, 36, 48)  # sizes of neighbourhoods, of which the first wide enough is taken
 LEAST_RADIUS = 4.5  # of a neighbourhood, in noise levels
-LEAST_NOISE = 0.01  # in distances to the 16th neighbour: below it a cloud counts as exact
+LEAST_NOISE = 0.021  # in distances to the 16th neighbour: less is borne by the planes of exact clouds
 SPACING_NEIGHBOUR = 16
 ANCHORS = 8  # neighbours whose triples span the candidates
 JUDGES = 32  # neighbours that vote for a candidate

@@ -6,10 +6,12 @@ contains it and has its centre in free space. Inside walls thinner than twice th
 cavity counts as inside.
 """
 
+from collections.abc import Callable
+
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
-from scipy.ndimage import distance_transform_edt, label
+from scipy.ndimage import binary_dilation, distance_transform_edt, label
 from scipy.spatial import KDTree
 
 from jointsdf.values import BOX
@@ -42,14 +44,33 @@ class FreeSpace:
         gaps = self.tree.query(points, [neighbour + 1], workers=-1)[0]
         self.reach = max(GAP_MARGIN * float(np.quantile(gaps, GAP_QUANTILE)), 2 * BOX * CELLS_PER_REACH / MOST_CELLS)
         self.cells = int(np.ceil(2 * BOX / (self.reach / CELLS_PER_REACH)))
-        empty = np.ones((self.cells,) * 3, dtype=bool)
-        empty[tuple(self._cell(points).T)] = False
-        free = distance_transform_edt(empty, sampling=2 * BOX / self.cells) > self.reach
+        free = ~self._near(points)
         regions, _ = label(free)
         rim = np.unique(np.concatenate([regions.take([0, -1], axis).ravel() for axis in range(3)]))
         outside = np.isin(regions, rim)
         known = free & (outside | (np.bincount(regions.ravel())[regions] >= LEAST_INSIDE_CELLS))
         self.signs = np.where(outside, 1, -1).astype(np.int8) * known
+
+    def enclose(self, inside: Callable[[Float[ndarray, "n 3"]], Bool[ndarray, " n"]]) -> Float[ndarray, "m 3"]:
+        """Make what a function marks of the free space outside, in regions that are not small, inside.
+
+        Returns:
+            The centres of its cells that border on what stays outside.
+        """
+        outside = np.argwhere(self.signs > 0)
+        marked = np.zeros(self.signs.shape, dtype=bool)
+        marked[tuple(outside.T)] = inside((outside + 0.5) * (2 * BOX / self.cells) - BOX)
+        regions, _ = label(marked)
+        marked &= np.bincount(regions.ravel())[regions] >= LEAST_INSIDE_CELLS
+        self.signs[marked] = -1
+        border = marked & binary_dilation(self.signs > 0)
+        return (np.argwhere(border) + 0.5) * (2 * BOX / self.cells) - BOX
+
+    def add(self, points: Float[ndarray, "m 3"]) -> None:
+        """Take further points of the surface, near which space is not free."""
+        if len(points):
+            self.tree = KDTree(np.concatenate([self.tree.data, points]))
+            self.signs[self._near(points)] = 0
 
     def sign(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, " n"]:
         """1 in free space outside, -1 in free space inside, 0 where space is not free.
@@ -80,6 +101,12 @@ class FreeSpace:
             asked = asked[radii**2 > (1 + distance**2) * self.reach**2]
             signs[asked] = self.sign(centres[asked])
         return signs
+
+    def _near(self, points: Float[ndarray, "n 3"]) -> Bool[ndarray, "c c c"]:
+        """Mark of the cells within reach of the points."""
+        empty = np.ones((self.cells,) * 3, dtype=bool)
+        empty[tuple(self._cell(points).T)] = False
+        return np.asarray(distance_transform_edt(empty, sampling=2 * BOX / self.cells) <= self.reach)
 
     def _cell(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, "n 3"]:
         return np.clip((points + BOX) * (self.cells / (2 * BOX)), 0, self.cells - 1).astype(np.int64)

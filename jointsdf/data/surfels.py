@@ -11,6 +11,7 @@ from numpy import ndarray
 from jointsdf.data.free_space import FreeSpace
 from jointsdf.data.local_planes import TINY, fit_planes
 from jointsdf.data.orientation import orient_planes
+from jointsdf.data.solid_cloud import SolidCloud
 from jointsdf.geometry.cloud_statistics import eccentricity
 
 NEIGHBOURS = 24  # of a point, among which its plane, and what stands between it and free space, are looked for
@@ -30,15 +31,19 @@ class Surfels:
     Args:
         points: The cloud, area-uniform, network frame, inside the training box.
         planes: Unit normals of either sign, where they are known (`denoising.py`); None: found from the points.
+        solid: Whether the cloud is of a solid, so that its winding number tells sides that free space does not, and
+            closes what is missing (`solid_cloud.py`).
 
     Attributes:
-        points: As given.
+        points: As given, then those that close what is missing.
         space: The space that the cloud leaves free.
         normals: Unit normal of each point, pointing outside; 0 where it is in doubt.
         radii: Of the discs, network length units: the distance to the fourth neighbour.
     """
 
-    def __init__(self, points: Float[ndarray, "n 3"], planes: Float[ndarray, "n 3"] | None = None) -> None:
+    def __init__(
+        self, points: Float[ndarray, "n 3"], planes: Float[ndarray, "n 3"] | None = None, *, solid: bool = False
+    ) -> None:
         self.points, self.space = points, FreeSpace(points)
         distances, neighbours = self.space.tree.query(points, min(NEIGHBOURS, len(points) - 1) + 1, workers=-1)
         neighbours = neighbours[:, 1:]  # without the point itself
@@ -46,8 +51,21 @@ class Surfels:
             normals, found = fit_planes(points[neighbours] - points[:, None])
         else:
             normals, found = planes, np.ones(len(points), dtype=bool)
-        self.normals = orient_planes(points, self.space, normals, found, neighbours)[:, None] * normals
+        signs = orient_planes(points, self.space, normals, found, neighbours)
         self.radii = distances[:, min(DISC_NEIGHBOUR, len(points) - 1)]
+        if solid:
+            whole = SolidCloud(points, normals, signs, self.space.tree)
+            signs = whole.signs * found
+        self.normals = signs[:, None] * normals
+        if solid:
+            self._add(*whole.cover(self.space))
+
+    def _add(self, points: Float[ndarray, "m 3"], normals: Float[ndarray, "m 3"]) -> None:
+        """Take further discs."""
+        self.points, self.normals = np.concatenate([self.points, points]), np.concatenate([self.normals, normals])
+        self.space.add(points)
+        radii = self.space.tree.query(points, [min(DISC_NEIGHBOUR, len(self.points) - 1) + 1], workers=-1)[0][:, 0]
+        self.radii = np.concatenate([self.radii, radii])
 
     def signed(self, points: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " n"], Bool[ndarray, " n"]]:
         """Signed distance to the nearest disc, negative inside.

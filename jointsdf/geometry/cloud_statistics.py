@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from jointsdf.geometry.topology import components
 
-SIZES = (13, 25, 49, 97)  # of the neighbourhoods that surfaces are fitted to, tried in turn
+SIZES = (9, 13, 25, 49, 97)  # of the neighbourhoods that surfaces are fitted to, tried in turn
 WIDE = 4.5  # radius of a neighbourhood that tells its noise, in standard deviations of the noise
 QUADRATIC = 6  # coefficients of a quadratic surface over its plane
 SMOOTH = 0.1  # share of the neighbourhoods, those of the least residuals: others meet creases and both sides of walls
