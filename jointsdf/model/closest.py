@@ -48,7 +48,7 @@ def find_closest(points: Float[Tensor, "n 3"], first: First, second: Second) -> 
         first: Value and gradient anywhere; a lower bound of the distance away from the surface.
         second: Gradient and second derivatives at points of the surface.
     """
-    places, reached = _onto_surface(points, first, STEPS)
+    places, reached = onto_surface(points, first)
     share = torch.ones_like(points[:, 0])  # of the next step along the surface
     active = reached.nonzero()[:, 0]
     for _ in range(FOOT_STEPS):
@@ -57,7 +57,7 @@ def find_closest(points: Float[Tensor, "n 3"], first: First, second: Second) -> 
         active, step = active[moving], step[moving]
         if not len(active):
             break
-        there = _onto_surface(places[active] + share[active, None] * step, first, STEPS // 4)
+        there = onto_surface(places[active] + share[active, None] * step, first, STEPS // 4)
         before, after = ((points[active] - at).norm(dim=1) for at in (places[active], there.places))
         better = there.reached & (after < before)
         places[active[better]] = there.places[better]
@@ -66,8 +66,14 @@ def find_closest(points: Float[Tensor, "n 3"], first: First, second: Second) -> 
     return Closest(places, reached)
 
 
-def _onto_surface(points: Float[Tensor, "n 3"], first: First, steps: int) -> Closest:
-    """Steps against the gradient until |f| is within the tolerance; each is halved for a point whose |f| grew."""
+def onto_surface(points: Float[Tensor, "n 3"], first: First, steps: int = STEPS) -> Closest:
+    """Steps along the gradient until |f| is within the tolerance; each is halved for a point whose |f| grew.
+
+    Args:
+        points: Network frame, anywhere.
+        first: As for `find_closest`.
+        steps: At most.
+    """
     places, tolerance = points.clone(), REACHED[points.dtype]
     reached = torch.zeros(len(points), dtype=torch.bool, device=points.device)
     share, before = torch.ones_like(points[:, 0]), torch.full_like(points[:, 0], torch.inf)

@@ -4,11 +4,13 @@ import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
 import torch
 from jaxtyping import Float
+from numpy import ndarray
 from torch import Tensor, nn
 
-from jointsdf.model.closest import find_closest
+from jointsdf.model.closest import find_closest, onto_surface
 from jointsdf.model.composition import evaluate_fused
 from jointsdf.model.far_grid import FarGrid
 from jointsdf.model.outside import Extended, extend, onto_box, outside_box
@@ -109,6 +111,16 @@ class LevelSet(nn.Module):
         principal, as_given = self._by_chunks(points, self._curvatures)
         mean, gaussian = principal.mean(dim=1), principal.prod(dim=1)
         return Curvatures(as_given(principal), as_given(mean), as_given(gaussian))
+
+    def network_projection(self, points: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        """Ends of the steps along the gradient to the zero level set, network frame, for the extraction.
+
+        Near a distance they are the closest points; from where the surface is not reached, they end near it.
+        """
+        parameter = self.trunk.output.weight
+        with torch.no_grad():
+            start = torch.as_tensor(points, dtype=parameter.dtype, device=parameter.device)
+            return np.asarray(onto_surface(start, self._first).places.cpu())
 
     def _by_chunks(
         self, points: Any, answer: Callable[[Float[Tensor, "m 3"]], Float[Tensor, "m k"]]
