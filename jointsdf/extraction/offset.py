@@ -11,7 +11,8 @@ from jointsdf.extraction.extractor import Extraction
 from jointsdf.model.field import JointField
 from jointsdf.values import BOX, LabelledMesh
 
-RIM = 128  # points along each side of the box's faces, at which a level set that leaves it is found
+RIM = 129  # points along each side of the box's faces, at which a level set that leaves it is found
+TOUCHING = 1e-6  # of the box: vertices so near to its faces are on them
 DEPTHS = 64  # points along each side of the box, among which the deepest one is found
 
 log = logging.getLogger(__name__)
@@ -32,13 +33,13 @@ def offset_mesh(field: JointField, distance: float, extraction: Extraction) -> L
         The closed mesh, file frame.
 
     Raises:
-        InputError: The level set leaves the training box, or there is none. One line, with the distances that there are.
+        InputError: The level set leaves the training box, or there is none; one line with those that there are.
     """
     require_number("distance", distance)
     level = np.float32(distance / float(field.scale))
     if level and field.far is None:
         log.warning("this field is no distance away from its surface (trunk.far=none): its offsets are rough")
-    _refuse_leaving(field, distance, float(level))
+    lowest = _refuse_leaving(field, distance, float(level))
 
     def sdf(points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
         return np.asarray(field.network_sdf(points) - level)
@@ -54,20 +55,27 @@ def offset_mesh(field: JointField, distance: float, extraction: Extraction) -> L
     if mesh.is_empty:
         deepest = min(_least(field, _box_points(DEPTHS)), 0.0) * float(field.scale)
         raise InputError(f"offset {distance:g}: there is no surface; the field goes down to {deepest:.4g}, give more")
+    if np.abs(field.normalisation.forward(mesh.vertices)).max() > BOX * (1 - TOUCHING):  # between those points
+        raise _leaving(field, distance, lowest)
     return mesh
 
 
-def _refuse_leaving(field: JointField, distance: float, level: float) -> None:
-    """Raise where the field is below the level on the faces of the training box."""
+def _refuse_leaving(field: JointField, distance: float, level: float) -> float:
+    """Lowest value on the faces of the training box, network length units; an error where the level is not below."""
     axis = np.linspace(-BOX, BOX, RIM)
     u, v = np.meshgrid(axis, axis)
     faces = [np.insert(np.stack([u.ravel(), v.ravel()], 1), k, side, axis=1) for k in range(3) for side in (-BOX, BOX)]
     lowest = _least(field, np.concatenate(faces))
+    if lowest <= 0:
+        raise InputError(f"offset {distance:g}: the surface itself leaves the training box; fit the field again")
     if lowest <= level:
-        most = lowest * float(field.scale)
-        if lowest <= 0:
-            raise InputError(f"offset {distance:g}: the surface itself leaves the training box; fit the field again")
-        raise InputError(f"offset {distance:g}: its surface leaves the training box; give less than {most:.4g}")
+        raise _leaving(field, distance, lowest)
+    return lowest
+
+
+def _leaving(field: JointField, distance: float, lowest: float) -> InputError:
+    most = lowest * float(field.scale)
+    return InputError(f"offset {distance:g}: its surface leaves the training box; give less than {most:.4g}")
 
 
 def _box_points(count: int) -> Float[ndarray, "n 3"]:

@@ -1,8 +1,8 @@
 """Cells of the parts in space: a point belongs to the part whose surface is nearest.
 
 Inside a solid these are the cells of a generalised Voronoi diagram of the parts' surfaces. The head's own answer there
-is not taken: it learns on the surface alone, and nothing holds it in the depth. From any point of a cell the straight way
-to its closest point stays in the cell, so every piece of it reaches its part's surface, and none floats within.
+is not taken: it learns on the surface alone, and nothing holds it in the depth. From any point of a cell the straight
+way to its closest point stays in the cell, so every piece of it reaches its part's surface, and none floats within.
 """
 
 from collections.abc import Callable, Iterator
@@ -77,7 +77,7 @@ def cutters(mesh: LabelledMesh, sdf: Sdf, order: Int[ndarray, " k"], side: float
     row[near] = np.arange(len(near))
     candidates = _candidates(mesh, points[near], order, row.reshape(shape))
     later = np.full((len(near), 3), np.inf)
-    values = []
+    values: list[Float[ndarray, " m"]] = []
     for each in reversed(candidates):
         values.insert(0, _bisector(each.ways, later[each.rows], side))
         nearer = _lengths(each.ways) < _lengths(later[each.rows])
@@ -86,9 +86,7 @@ def cutters(mesh: LabelledMesh, sdf: Sdf, order: Int[ndarray, " k"], side: float
         yield _cutter(part, of_part, np.stack(np.unravel_index(near[each.rows], shape), axis=1), low, side)
 
 
-def _bisector(
-    ways: Float[ndarray, "m 3"], others: Float[ndarray, "m 3"], side: float
-) -> Float[ndarray, " m"]:
+def _bisector(ways: Float[ndarray, "m 3"], others: Float[ndarray, "m 3"], side: float) -> Float[ndarray, " m"]:
     """Signed distance to the points that are as far from one surface as from the others, at most a cell's side.
 
     Args:

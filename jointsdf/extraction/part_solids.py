@@ -10,6 +10,7 @@ from numpy import ndarray
 from jointsdf.errors import InputError, require_integer
 from jointsdf.extraction.part_cells import Sdf, cutters
 from jointsdf.geometry.mesh import part_areas
+from jointsdf.model.field import JointField
 from jointsdf.values import UNLABELLED, LabelledMesh
 
 CELLS = 96  # of the grid, along the longest side of the solid
@@ -50,6 +51,21 @@ def part_solids(mesh: LabelledMesh, sdf: Sdf, cells: int = CELLS) -> dict[int, L
         rest, found[cutter.part] = _hand_over_scraps(rest, piece, side**3)
     found[int(order[-1])] = rest
     return {part: _mesh(found[part], part, middle) for part in sorted(found)}
+
+
+def field_part_solids(field: JointField, mesh: LabelledMesh, cells: int = CELLS) -> dict[int, LabelledMesh]:
+    """`part_solids` of a field, by its own distance.
+
+    Args:
+        field: The fitted field.
+        mesh: Its mesh, file frame.
+        cells: Of the grid, along the longest side.
+    """
+
+    def sdf(points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
+        return field.network_sdf(field.normalisation.forward(points)) * float(field.scale)
+
+    return part_solids(mesh, sdf, cells)
 
 
 def _hand_over_scraps(giver: Manifold, taker: Manifold, least: float) -> tuple[Manifold, Manifold]:

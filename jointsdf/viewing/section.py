@@ -111,7 +111,9 @@ def _oblique(text: str, normal: Float[ndarray, "3"], d: float, frame: Normalisat
     heights = corners @ normal - d
     if heights.min() > 0 or heights.max() < 0:
         low, high = heights.min() + d, heights.max() + d
-        raise InputError(f"--plane {text}: outside the training box; of the unit normal give d from {low:.6g} to {high:.6g}")
+        raise InputError(
+            f"--plane {text}: outside the training box; of the unit normal give d from {low:.6g} to {high:.6g}"
+        )
     vertical = np.eye(3)[AXES.index(up)]
     if abs(vertical @ normal) > 0.999:
         vertical = np.eye(3)[int(np.argmin(np.abs(normal)))]

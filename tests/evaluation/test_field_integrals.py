@@ -61,7 +61,7 @@ def test_a_ball_is_of_second_order_and_better_extrapolated() -> None:
     areas = {part: measure.area for part, measure in found.fine.parts.items()}
     assert sum(areas.values()) == pytest.approx(4 * np.pi * RADIUS**2, rel=1e-4)
     assert areas == pytest.approx(dict.fromkeys((4, 9), 2 * np.pi * RADIUS**2), rel=5e-3)  # a cell is of one part
-    np.testing.assert_allclose(found.fine.parts[4].centroid, MIDDLE + [0, 0, RADIUS / 2], atol=2e-3)
+    np.testing.assert_allclose(found.fine.parts[4].centroid, MIDDLE + np.array([0, 0, RADIUS / 2]), atol=2e-3)
 
 
 def test_a_box_has_its_volume_centre_and_inertia() -> None:

@@ -81,5 +81,5 @@ def test_the_picture_is_orange_inside_blue_outside_and_blank_beyond_the_box() ->
     "text", ["w=3", "z=far", "1,2,3", "0,0,0,1", "1,nan,0,2", "1,0,0,500", "z=90", "", "1,0,0,2,3", "a,b,c,d"]
 )
 def test_what_is_no_plane_is_one_line(text: str) -> None:
-    with pytest.raises(InputError, match="^--plane [^\n]*$"):
+    with pytest.raises(InputError, match=r"^--plane [^\n]*$"):
         parse_section(text, FRAME, "z")
