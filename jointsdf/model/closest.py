@@ -20,9 +20,9 @@ from jointsdf.model.second_derivatives import Differential, shape_operator
 REACHED = {torch.float32: 1e-5, torch.float64: 1e-10}  # |f| of a point on the surface, network length units
 STEPS, NEAR = 64, 0.05  # onto the surface, at most; |f| from which a step is no longer than f, network length units
 FLATTEST = 0.1  # gradient that a Newton step divides by at least
-FOOT_STEPS, FOOT = 12, 1e-4  # along the surface, at most; angle off the normal that is left, radians
+FOOT_STEPS, FOOT = 6, 1e-3  # along the surface, at most; angle off the normal that is left, radians
 LEAST = 0.2  # eigenvalue of I + d S: less is beyond a focal point, where no closest point is near
-SMALLEST = 1 / 16  # share of a step along the surface that is tried
+SMALLEST = 1 / 4  # share of a step along the surface that is tried
 
 First = Callable[[Float[Tensor, "n 3"]], tuple[Float[Tensor, " n"], Float[Tensor, "n 3"]]]  # value, gradient
 Second = Callable[[Float[Tensor, "n 3"]], Differential]
@@ -57,7 +57,7 @@ def find_closest(points: Float[Tensor, "n 3"], first: First, second: Second) -> 
         active, step = active[moving], step[moving]
         if not len(active):
             break
-        there = onto_surface(places[active] + share[active, None] * step, first, STEPS // 4)
+        there = onto_surface(places[active] + share[active, None] * step, first, STEPS // 8)
         before, after = ((points[active] - at).norm(dim=1) for at in (places[active], there.places))
         better = there.reached & (after < before)
         places[active[better]] = there.places[better]
