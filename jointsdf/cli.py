@@ -15,6 +15,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 import jointsdf
+from jointsdf.asking.commands import COMMANDS
 from jointsdf.cli_logging import configure_logging, user_errors
 from jointsdf.errors import InputError
 from jointsdf.experiment import arguments, sweep
@@ -123,7 +124,7 @@ def _asks_for_help() -> bool:
     return bool({"--help", "-h"} & set(sys.argv[1:]))
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(name="jointsdf", context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(jointsdf.__version__, prog_name="jointsdf")
 def main() -> None:
     """Neural signed distance fields that know their parts.
@@ -131,6 +132,7 @@ def main() -> None:
     \b
     jointsdf fit head=siren shape=abc_0001     fit, extract and measure one shape
     jointsdf fit -m head=relu,siren,hybrid     several runs
+    jointsdf query RUN points.csv --out a.csv  distances, parts, ... of a finished run
     jointsdf COMMAND --help                    all that a command takes
     """  # noqa: D301 (Click reads the backspace)
 
@@ -156,6 +158,8 @@ _command("study", "Tables, status and committed rows of a study.", _main_of("joi
 _command("figures", "Figures of the runs.", _main_of("jointsdf.study.figures.__main__"))
 _command("abc", "Download and convert the catalogue's ABC shapes.", _main_of("jointsdf.abc_dataset.command"))
 _command("labels", "Import and check part labels.", _main_of("jointsdf.shapes.labels.__main__"))
+for asking in COMMANDS:
+    main.add_command(asking)
 
 
 if __name__ == "__main__":

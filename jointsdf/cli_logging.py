@@ -14,6 +14,8 @@ from rich.text import Text
 from jointsdf.errors import InputError
 from jointsdf.phases import console, no_progress
 
+RESUMES = "stopped; the same command goes on from the last checkpoint"
+
 log = logging.getLogger("jointsdf")
 
 
@@ -92,22 +94,28 @@ def _set_levels(levels: Mapping[str, int]) -> None:
 
 
 @contextmanager
-def user_errors(failed: list[str]) -> Iterator[None]:
+def user_errors(failed: list[str], *, stopped: str = RESUMES) -> Iterator[None]:
     """Log an error that the user can correct as one line, and add it to `failed`; any other error is a bug and raised.
 
     Ctrl-C and SIGTERM end the process with one line and the shell's exit code for them.
 
     Args:
         failed: Messages of the errors so far.
+        stopped: The line after Ctrl-C or SIGTERM.
 
     Raises:
         SystemExit: Ctrl-C or SIGTERM.
     """
-    previous = signal.signal(signal.SIGTERM, _terminate)
+
+    def terminate(number: int, _: FrameType | None) -> None:
+        log.warning(stopped)
+        raise SystemExit(128 + number)
+
+    previous = signal.signal(signal.SIGTERM, terminate)
     try:
         yield
     except KeyboardInterrupt:
-        log.warning("stopped; the same command goes on from the last checkpoint")
+        log.warning(stopped)
         raise SystemExit(128 + signal.SIGINT) from None
     except Exception as error:
         message = one_line(error)
@@ -143,8 +151,3 @@ def one_line(error: BaseException) -> str | None:
     if cause.errno in (errno.ENOSPC, errno.EDQUOT):
         return f"{message}: the disk is full; free some space, or give paths.outputs=<another folder>, and run it again"
     return f"{message}: give a path that can be read and written, e.g. paths.outputs=<another folder>"
-
-
-def _terminate(number: int, _: FrameType | None) -> None:
-    log.warning("stopped; the same command goes on from the last checkpoint")
-    raise SystemExit(128 + number)

@@ -16,6 +16,7 @@ from jointsdf.experiment.measurement import EXTRACTING, MEASURING, extract, meas
 from jointsdf.experiment.process import process_settings
 from jointsdf.experiment.result import data_facts, primary_scores, result_row, save_pictures
 from jointsdf.experiment.settings import folder_of, resolve_settings, shared_settings, trusted
+from jointsdf.experiment.solids import save_solids
 from jointsdf.experiment.stopwatch import Stopwatch
 from jointsdf.experiment.summary import describe, files_to_open, summary
 from jointsdf.experiment.tensorboard import preview_factory
@@ -166,9 +167,8 @@ def _fit(cfg: DictConfig, shape: Subject, prepared: Prepared, folder: Path, watc
     """Fit the field and save it; returns what the fit used of this machine."""
     preview = preview_factory(cfg, shape, prepared.measures.protocols[cfg.evaluation.primary])
     with phase("fit", f"{cfg.trainer.max_steps} steps, recipe {cfg.recipe}, head {cfg.head.name}"):
-        on, labelled = build.fit_machine(cfg), prepared.labelled
-        made = fit(prepared.module, prepared.data, folder, on, labelled=labelled, preview=preview)
-    watch.seconds["fit"], machine = made
+        on, known = build.fit_machine(cfg), prepared.labelled
+        watch.seconds["fit"], machine = fit(prepared.module, prepared.data, folder, on, labelled=known, preview=preview)
     save_field(prepared.module.field, folder / run_folder.FIELD)
     return machine
 
@@ -186,8 +186,8 @@ def _measure(
         scores = measure(measures, shape, mesh, field, Path(cfg.paths.outputs, CACHE_DIR))
     if keep_files:
         with watch("picture", "preview.png and TensorBoard"):
-            resolution = measures.extraction.resolution
-            save_pictures(cfg, folder, shape, mesh, field, primary_scores(cfg, scores), resolution)
+            save_pictures(cfg, folder, shape, mesh, field, primary_scores(cfg, scores), measures.extraction.resolution)
+            save_solids(cfg, folder, shape, mesh, field)
     return measures, mesh, scores
 
 

@@ -91,6 +91,16 @@ class FarGrid(nn.Module):
         gradient = torch.stack([(plane * dx).sum(-1), (along_y * x).sum(-1), (slope * x).sum(-1)], -1)
         return (plane * x).sum(-1), gradient
 
+    def second_derivatives(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3 3"]:
+        """Second derivatives of the spline at points of the box, without a graph."""
+        known, shares = self._neighbourhoods(points)
+        of_order = (_weights(shares), _slopes(shares) / self.cell, _bends(shares) / self.cell**2)
+        hessian = points.new_zeros(len(points), 3, 3)
+        for row, column in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
+            taps = [of_order[(axis == row) + (axis == column)][:, axis] for axis in range(3)]
+            hessian[:, row, column] = hessian[:, column, row] = _contract(known, *taps)
+        return hessian
+
     def share(self, values: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
         """Share of the grid in the blend, 0..1, by the grid's values."""
         x = self._way(values)
@@ -111,6 +121,22 @@ class FarGrid(nn.Module):
         growth = 30 * (x * (1 - x)) ** 2 / (self.outer - self.inner) * values.sign()
         along = self.share(values)[:, None]
         return other_slopes + along * (slopes - other_slopes) + (growth * (values - other))[:, None] * slopes
+
+    def blend_second_derivatives(
+        self,
+        grid: tuple[Float[Tensor, " n"], Float[Tensor, "n 3"], Float[Tensor, "n 3 3"]],
+        near: tuple[Float[Tensor, " n"], Float[Tensor, "n 3"], Float[Tensor, "n 3 3"]],
+    ) -> Float[Tensor, "n 3 3"]:
+        """Second derivatives of `blend`, from values, gradients and second derivatives of grid and near field."""
+        (values, slopes, bends), (other, other_slopes, other_bends) = grid, near
+        x, width = self._way(values), self.outer - self.inner
+        growth = 30 * (x * (1 - x)) ** 2 / width * values.sign()
+        change = 60 * x * (1 - x) * (1 - 2 * x) / width**2
+        crossed = slopes[:, :, None] * (slopes - other_slopes)[:, None]
+        along, difference = self.share(values)[:, None, None], (values - other)[:, None, None]
+        blended = other_bends + along * (bends - other_bends) + growth[:, None, None] * (crossed + crossed.mT)
+        squared = slopes[:, :, None] * slopes[:, None]
+        return blended + difference * (growth[:, None, None] * bends + change[:, None, None] * squared)
 
     def _way(self, values: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
         """Way from `inner` to `outer`, 0..1, by the grid's values."""
@@ -142,3 +168,9 @@ def _slopes(shares: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3 4"]:
     """Their derivatives."""
     t, u = shares, 1 - shares
     return torch.stack([-(u**2), 3 * t**2 - 4 * t, 4 * u - 3 * u**2, t**2], -1) / 2
+
+
+def _bends(shares: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3 4"]:
+    """Their second derivatives."""
+    t, u = shares, 1 - shares
+    return torch.stack([u, 3 * t - 2, 3 * u - 2, t], -1)

@@ -9,22 +9,21 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
-from torch import Tensor, nn
+from torch import Tensor
 
 from jointsdf.errors import InputError, first_line
 from jointsdf.model.composition import Evaluate, evaluate_fused, evaluate_with_graph, make_trunk
 from jointsdf.model.field_file import half_state, reading
 from jointsdf.model.fused.inference import TappedHead, infer
 from jointsdf.model.heads import HEADS
+from jointsdf.model.level_set import CHUNK, LevelSet
 from jointsdf.model.outside import extend, onto_box, outside_box
 from jointsdf.model.query import ANSWERS, FieldQuery, join, parse_names, parse_points, short_operations, warn_once
 from jointsdf.model.sealed_file import load_sealed, save_sealed
 from jointsdf.values import UNLABELLED, Normalisation
 
-CHUNK = 65536  # points whose answers are put together before those of the next
 
-
-class JointField(nn.Module):
+class JointField(LevelSet):
     """One shape's field: points in file units -> signed distance, part, logits, gradient.
 
     Args:
@@ -38,8 +37,6 @@ class JointField(nn.Module):
         InputError: An unknown head, or arguments that trunk or head do not take.
     """
 
-    centre: Tensor
-    scale: Tensor
     part_ids: Tensor
 
     def __init__(
@@ -66,11 +63,6 @@ class JointField(nn.Module):
         self.register_buffer("part_ids", torch.as_tensor(np.asarray(part_ids, dtype=np.int64)))
         self.register_buffer("centre", torch.as_tensor(np.asarray(normalisation.centre, dtype=np.float64)))
         self.register_buffer("scale", torch.tensor(float(normalisation.scale), dtype=torch.float64))
-
-    @property
-    def normalisation(self) -> Normalisation:
-        """File frame -> network frame."""
-        return Normalisation(self.centre.cpu().numpy(), float(self.scale))
 
     def query(self, points: Any, *, what: str | Collection[str] = ANSWERS, differentiable: bool = False) -> FieldQuery:
         """Evaluate the field at points of the file frame, beside points and answers in constant memory.
@@ -105,7 +97,7 @@ class JointField(nn.Module):
             evaluate = evaluate_with_graph if differentiable else evaluate_fused
             columns: list[list[Any]] = [[] for _ in ANSWERS]
             for chunk in rows.split(CHUNK):
-                inside = ((chunk.to(self.centre) - self.centre) / self.scale).to(self.trunk.output.weight)
+                inside = self._to_network(chunk)
                 warn_once(self._said, chunk, inside, self.normalisation)
                 for column, answer in zip(columns, self._answer(inside, wanted, evaluate), strict=True):
                     column.append(answer)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy import ndarray
 
-from jointsdf.viewing.plane import AXES, Plane, Slice
+from jointsdf.viewing.plane import AXES, Raster, Slice
 
 INK = "#1c1e24"
 # Orange inside, blue outside, which differ with any colour vision; the paler the nearer to the surface.
@@ -69,7 +69,7 @@ def slice_figure(found: Slice, caption: str) -> Figure:
     levels = isoline_levels(found.truth, step)
     bands = band_colours(levels)
     for panel, values in ((truth, found.truth), (fit, found.fit)):
-        _draw_bands(panel, found.plane, values, levels, bands)
+        draw_bands(panel, found.plane, values, levels, bands)
     scale = _add_scale(figure, bands, LEFT[0], LEFT[1] + SIDE)
     scale.set_label(f"signed distance, negative inside; isolines every {step:g} {unit}")
     every = next(count for count in (1, 2, 5, 10) if len(levels) <= count * TICKS)
@@ -137,11 +137,11 @@ def _add_scale(figure: Figure, colours: ScalarMappable, left: int, right: int) -
     return figure.colorbar(colours, cax=figure.add_axes(box), orientation="horizontal")
 
 
-def _draw_bands(
-    panel: Axes, plane: Plane, values: Float[ndarray, "n n"], levels: Float[ndarray, " k"], bands: ScalarMappable
+def draw_bands(
+    panel: Axes, plane: Raster, values: Float[ndarray, "n n"], levels: Float[ndarray, " k"], bands: ScalarMappable
 ) -> None:
-    """Fill the bands between levels, and draw isolines and the surface."""
-    places = plane.ticks(len(values))
+    """Fill the bands between levels, and draw isolines and the surface; NaN is left blank."""
+    places, values = plane.ticks(len(values)), np.ma.masked_invalid(values)
     panel.contourf(*places, values, levels, cmap=bands.cmap, norm=bands.norm, extend="both")
     lines = levels[(levels > values.min()) & (levels < values.max()) & (levels != 0)]
     if len(lines):  # matplotlib warns of none
@@ -149,7 +149,7 @@ def _draw_bands(
     _draw_surface(panel, plane, values, 2.0)
 
 
-def _draw_surface(panel: Axes, plane: Plane, values: Float[ndarray, "n n"], width: float) -> None:
+def _draw_surface(panel: Axes, plane: Raster, values: Float[ndarray, "n n"], width: float) -> None:
     """Draw the isoline of 0, if there is one."""
     if values.min() < 0 < values.max():
         panel.contour(*plane.ticks(len(values)), values, [0.0], colors=INK, linewidths=width)

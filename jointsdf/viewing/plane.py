@@ -1,6 +1,7 @@
 """The plane of a slice: normal to an axis of the file frame, chosen by the outline that it cuts from a mesh."""
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import trimesh
@@ -8,6 +9,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 from trimesh.intersections import mesh_multiplane
 
+from jointsdf.errors import InputError
 from jointsdf.geometry.mesh import face_areas, face_normals
 from jointsdf.values import BOX, LabelledMesh, Normalisation, Unit
 
@@ -19,6 +21,15 @@ BLOCKED = 0.01  # of the squared longest side: area of such faces from which a p
 DIGITS = 3  # of a plane's place, relative to the mesh's extent along the normal
 FLAT = 1e-6  # of the longest side: least extent for these digits
 FACES = 50_000  # of larger meshes every second, third, ... face is looked at
+
+
+@runtime_checkable
+class Raster(Protocol):
+    """A square of a plane with coordinates of its own."""
+
+    def ticks(self, count: int) -> tuple[Float[ndarray, " n"], Float[ndarray, " n"]]:
+        """Coordinates of a raster's columns and rows."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -94,6 +105,32 @@ class Slice:
     fit: Float[ndarray, "n n"]
     size: float
     unit: Unit
+
+
+def parse_plane(
+    text: str, normalisation: Normalisation, up: str, *, option: str = "--at", examples: str = "e.g. --at y=12.5"
+) -> Plane:
+    """Make the plane of an equation.
+
+    Args:
+        text: E.g. `y=12.5`, file units.
+        normalisation: File frame -> network frame.
+        up: Axis of the file frame that points up.
+        option: Of the command line, for messages.
+        examples: The same.
+
+    Raises:
+        InputError: Not such an equation, or a plane outside the training box.
+    """
+    name, _, number = text.replace(" ", "").partition("=")
+    try:
+        normal, place = AXES.index(name), float(number)
+    except ValueError as error:
+        raise InputError(f"{option} {text}: give an axis and a coordinate in file units, {examples}") from error
+    low, high = normalisation.inverse(np.array([[-BOX] * 3, [BOX] * 3]))[:, normal]
+    if not low <= place <= high:
+        raise InputError(f"{option} {text}: outside the training box; give {name} from {low:.6g} to {high:.6g}")
+    return Plane.at(normal, place, normalisation, up)
 
 
 def choose_plane(mesh: LabelledMesh, normalisation: Normalisation, up: str = "z") -> Plane:

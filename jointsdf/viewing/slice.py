@@ -8,16 +8,15 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray
 
-from jointsdf.errors import InputError
 from jointsdf.geometry.distance import network_distance
 from jointsdf.geometry.mesh import half_longest_side
 from jointsdf.model.field import JointField
 from jointsdf.runs.folder import FIELD
 from jointsdf.shapes.stored import stored_mesh_truth
 from jointsdf.threads import large_pieces
-from jointsdf.values import BOX, Normalisation, Shape
+from jointsdf.values import Shape
 from jointsdf.viewing.isolines import WIDTH, draw_slice
-from jointsdf.viewing.plane import AXES, Plane, Slice, choose_plane
+from jointsdf.viewing.plane import Plane, Slice, choose_plane, parse_plane
 from jointsdf.viewing.render import write_png
 from jointsdf.viewing.run_picture import run_picture
 
@@ -53,28 +52,6 @@ def render_slice(
     """
     plane = choose_plane(shape.mesh, field.normalisation, shape.up)
     return draw_slice(slice_field(shape, field, plane, raster), caption=caption, width=width)
-
-
-def parse_plane(text: str, normalisation: Normalisation, up: str) -> Plane:
-    """Make the plane of an equation.
-
-    Args:
-        text: E.g. `y=12.5`, file units.
-        normalisation: File frame -> network frame.
-        up: Axis of the file frame that points up.
-
-    Raises:
-        InputError: Not such an equation, or a plane outside the training box.
-    """
-    name, _, number = text.replace(" ", "").partition("=")
-    try:
-        normal, place = AXES.index(name), float(number)
-    except ValueError as error:
-        raise InputError(f"--at {text}: give an axis and a coordinate in file units, e.g. --at y=12.5") from error
-    low, high = normalisation.inverse(np.array([[-BOX] * 3, [BOX] * 3]))[:, normal]
-    if not low <= place <= high:
-        raise InputError(f"--at {text}: outside the training box; give {name} from {low:.6g} to {high:.6g}")
-    return Plane.at(normal, place, normalisation, up)
 
 
 @large_pieces()

@@ -35,6 +35,7 @@ def settings() -> dict[str, Any]:
     return {
         "seed": 0,
         "study": "fast",
+        "part_solids": "ply",
         "tessellation": {"tolerance": 0.01},
         "data": {
             "cloud_size": 100,
@@ -70,6 +71,7 @@ def test_machine_and_names_of_the_run_are_no_part_of_it(settings: dict[str, Any]
     }
     assert found["shape"] == {"name": "part_01"}
     assert "study" not in found
+    assert "part_solids" not in found
     kept = ("seed", "tessellation", "trunk", "head", "loss", "optimizer", "extraction", "evaluation")
     for protocol in settings["evaluation"]["protocols"].values():
         protocol.pop("field", None)  # these came after the first committed rows

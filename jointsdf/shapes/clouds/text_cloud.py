@@ -36,11 +36,9 @@ def read_text(path: Path, data: bytes) -> FileCloud:
     Raises:
         InputError: It is no text, or its lines are no rows of equally many numbers, at least three.
     """
-    if b"\0" in data:
-        raise InputError(f"{path} is no text: name it as what it is, or export it as PLY")
-    text = data.removeprefix(b"\xef\xbb\xbf").translate(SEPARATORS).decode("utf-8", errors="replace")
-    start, names = _find_rows(path, text)
-    table = _parse(path, text[start:], first_line=text.count("\n", 0, start) + 1)
+    text = decode(path, data)
+    start, names = find_rows(path, text)
+    table = parse_rows(path, text[start:], first_line=text.count("\n", 0, start) + 1)
     if table.shape[1] < 3:
         raise InputError(f"{path} has {table.shape[1]} numbers in each line: x, y and z are needed")
     if names is None or len(names) != table.shape[1]:
@@ -48,8 +46,23 @@ def read_text(path: Path, data: bytes) -> FileCloud:
     return cloud_of_columns(str(path), dict(zip(names, table.T, strict=True)))
 
 
-def _find_rows(path: Path, text: str) -> tuple[int, list[str] | None]:
-    """Where the rows begin, and the names in the line before them."""
+def decode(path: Path, data: bytes) -> str:
+    """Text with spaces between its words.
+
+    Raises:
+        InputError: It is no text.
+    """
+    if b"\0" in data:
+        raise InputError(f"{path} is no text: name it as what it is, or export it as PLY")
+    return data.removeprefix(b"\xef\xbb\xbf").translate(SEPARATORS).decode("utf-8", errors="replace")
+
+
+def find_rows(path: Path, text: str) -> tuple[int, list[str] | None]:
+    """Where the rows begin in a text of `decode`, and the names in the line before them.
+
+    Raises:
+        InputError: There are no rows of numbers.
+    """
     place, names = 0, None
     for line in text.splitlines(keepends=True):
         words = line.strip().removeprefix("//").lstrip("#; ").split()
@@ -71,7 +84,17 @@ def _is_number(word: str) -> bool:
     )
 
 
-def _parse(path: Path, text: str, first_line: int) -> Float[ndarray, "n c"]:
+def parse_rows(path: Path, text: str, first_line: int) -> Float[ndarray, "n c"]:
+    """Numbers of rows of text.
+
+    Args:
+        path: Names the file in messages.
+        text: Of `decode`, from the first row on.
+        first_line: Number of its first line in the file.
+
+    Raises:
+        InputError: The rows are not of equally many numbers.
+    """
     try:
         return np.loadtxt(io.StringIO(text), ndmin=2, comments=COMMENTS)
     except ValueError as error:

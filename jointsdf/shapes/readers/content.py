@@ -60,17 +60,26 @@ def read_file(path: Path) -> tuple[bytes, str]:
     Raises:
         InputError: The file is missing, a folder, a pipe, or unreadable, or its compression is damaged.
     """
+    require_file(path)
+    try:
+        stored = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be opened: {error.strerror}") from error
+    return unpack(path, stored), hashlib.sha256(stored).hexdigest()
+
+
+def require_file(path: Path) -> None:
+    """Refuse what is no regular file.
+
+    Raises:
+        InputError: It is missing, a folder, a pipe or a device.
+    """
     if not path.exists():
         raise InputError(f"file not found: {path}")
     if path.is_dir():
         raise InputError(f"{path} is a folder: give the mesh file in it")
     if not path.is_file():
         raise InputError(f"{path} is a pipe or device, which may never end: give a file")
-    try:
-        stored = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be opened: {error.strerror}") from error
-    return unpack(path, stored), hashlib.sha256(stored).hexdigest()
 
 
 def is_blank(data: bytes) -> bool:
