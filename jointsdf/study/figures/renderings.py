@@ -110,8 +110,8 @@ def failures(group: Group, outputs: Path, trust: Collection[str] = ()) -> tuple[
     what = (
         "The worst run by each measure, of those with a mesh: the whole ground truth with the place of the most error "
         "(of the most wrong labels, where the measure is of labels), then that place from the same side. Heat: "
-        "distance of the ground truth to the prediction and of the prediction to the ground truth, in percent of the longest "
-        "side; dark red: predicted faces whose label is not the ground truth's"
+        "distance of the ground truth to the prediction and of the prediction to the ground truth, in percent of the "
+        "longest side; dark red: predicted faces whose label is not the ground truth's"
     )
     titles = ["ground truth", "prediction", "truth to prediction", "prediction to truth", "wrong labels"]
     return Drawing(draw_page(rows, titles), caption(what, comparison, unequal=False)), missing
