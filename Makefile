@@ -46,10 +46,10 @@ sweep: setup ## A whole study, STUDY=main: finished runs are skipped, partial on
 results: setup ## The rows of STUDY into results/<study>/runs.csv, to be committed: no clone runs them again
 	$(RUN) -m jointsdf.study results $(STUDY) $(ARGS)
 
-tables: setup ## Tables (.csv and .tex) of all runs below outputs/, in outputs/tables/
+tables: setup ## Tables (.csv and .tex) of the studies below outputs/, in outputs/tables/<study>/; ARGS=--all: the committed ones too
 	$(RUN) -m jointsdf.study tables $(ARGS)
 
-figures: setup ## Figures (.pdf and .png) of all runs below outputs/, in outputs/figures/
+figures: setup ## Figures (.pdf and .png) of the studies below outputs/, in outputs/figures/<study>/; ARGS=--all as above
 	$(RUN) -m jointsdf.figures $(ARGS)
 
 report: figures ## All tables and figures in one document, outputs/tables/report.pdf (needs LaTeX)

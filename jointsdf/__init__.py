@@ -1,7 +1,7 @@
 """Neural signed distance fields that know their parts: one shared SIREN trunk, one segmentation head, one CAD shape.
 
-Public functions: `load_shape`, `load_cloud`, `fit` and `load_field`. They are imported on first use, so that
-`import jointsdf` is fast and changes no setting of the process.
+Public functions: `load_shape`, `load_cloud`, `fit`, `load_field` and `export_field`. They are imported on first use, so
+that `import jointsdf` is fast and changes no setting of the process.
 """
 
 from importlib import import_module
@@ -13,12 +13,14 @@ from jointsdf.moved_names import install
 if TYPE_CHECKING:
     from jointsdf.api import FittedRun, fit, load_field, load_shape
     from jointsdf.errors import InputError
+    from jointsdf.export.export import export_field
     from jointsdf.shapes.clouds.sources import load_cloud
 
-__all__ = ["FittedRun", "InputError", "__version__", "fit", "load_cloud", "load_field", "load_shape"]
+__all__ = ["FittedRun", "InputError", "__version__", "export_field", "fit", "load_cloud", "load_field", "load_shape"]
 MODULES = {
     **dict.fromkeys(("FittedRun", "fit", "load_field", "load_shape"), "api"),
     "InputError": "errors",
+    "export_field": "export.export",
     "load_cloud": "shapes.clouds.sources",
 }
 

@@ -30,6 +30,7 @@ from jointsdf.experiment.quoting import escape_interpolations, quote_override
 from jointsdf.experiment.result import primary_scores
 from jointsdf.experiment.run import Outcome, fit_shape
 from jointsdf.experiment.stopwatch import Stopwatch
+from jointsdf.export.about import origin_of
 from jointsdf.model.field import JointField
 from jointsdf.runs.folder import FIELD
 from jointsdf.runs.row import ResultRow
@@ -199,5 +200,6 @@ def _fit(cfg: DictConfig, shape: Subject, folder: Path, *, keep_files: bool) -> 
 def _field_and_mesh(outcome: Outcome, truth: Subject, folder: Path) -> tuple[JointField, PartMesh]:
     """Field and mesh of the outcome, read from the folder where the run was finished before."""
     field = outcome.field or JointField.load(folder / FIELD)
+    field.about = origin_of(outcome.row)
     mesh = outcome.mesh or stored_mesh(folder, is_empty=outcome.row.status == "empty_mesh")
     return field, PartMesh(mesh.vertices, mesh.faces, mesh.labels, truth.unit, truth.up)

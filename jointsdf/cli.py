@@ -154,6 +154,9 @@ def _main_of(module: str) -> Callable[[], int]:
 
 _command("fit", "Fit a shape, extract and measure it (train.py).", fit)
 _command("evaluate", "Measure a finished run again (evaluate.py).", evaluate)
+_command(
+    "export", "Write a fitted field as ONNX, numpy arrays or in half precision.", _main_of("jointsdf.export.__main__")
+)
 _command("study", "Tables, status and committed rows of a study.", _main_of("jointsdf.study.__main__"))
 _command("figures", "Figures of the runs.", _main_of("jointsdf.study.figures.__main__"))
 _command("abc", "Download and convert the catalogue's ABC shapes.", _main_of("jointsdf.abc_dataset.command"))

@@ -9,7 +9,7 @@ from study_rows import make_row
 
 from jointsdf.runs.row import ResultRow
 from jointsdf.study.figures.run_meshes import Pair
-from jointsdf.study.figures.style import head_style
+from jointsdf.study.figures.style import INK, head_style
 from jointsdf.values import LabelledMesh, Shape
 
 HEADS = ("relu", "siren", "hybrid")
@@ -35,7 +35,9 @@ def texts(figure: Figure) -> set[str]:
 def points(figure: Figure, panel: int, head: str) -> list[tuple[float, float]]:
     """What is drawn in the marker of a head."""
     marker = head_style(head, HEADS)["marker"]
-    lines = [line for line in figure.axes[panel].lines if line.get_marker() == marker and line.get_markersize() < 6]
+    lines = [
+        line for line in figure.axes[panel].lines if line.get_marker() == marker and line.get_markeredgecolor() != INK
+    ]
     return [(float(x), float(y)) for line in lines for x, y in line.get_xydata()]
 
 

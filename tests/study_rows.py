@@ -96,12 +96,18 @@ def results_with_the_paper(folder: Path) -> Path:
     return folder / "results"
 
 
+def table_path(outputs: Path, name: str) -> Path:
+    """The only file of that name among the tables, of whichever study."""
+    (path,) = (outputs / "tables").rglob(name)
+    return path
+
+
 def read_table(outputs: Path, name: str) -> pd.DataFrame:
-    return pd.read_csv(outputs / "tables" / f"{name}.csv")
+    return pd.read_csv(table_path(outputs, f"{name}.csv"))
 
 
 def read_tex(outputs: Path, name: str) -> str:
-    return (outputs / "tables" / f"{name}.tex").read_text(encoding="utf-8")
+    return table_path(outputs, f"{name}.tex").read_text(encoding="utf-8")
 
 
 def values_of(outputs: Path, head: str, metric: str) -> np.ndarray:

@@ -186,7 +186,6 @@ def _module(
 
 
 def fit_machine(cfg: DictConfig) -> FitMachine:
-    """Device, matrix products and checkpoint interval of the fit."""
-    return FitMachine(
-        Products(**{key: cfg.trainer[key] for key in CHOICES}), cfg.trainer.accelerator, cfg.trainer.checkpoint_seconds
-    )
+    """Device, matrix products, checkpoint interval and logger of the fit."""
+    products = Products(**{key: cfg.trainer[key] for key in CHOICES})
+    return FitMachine(products, cfg.trainer.accelerator, cfg.trainer.checkpoint_seconds, cfg.logger.name)

@@ -6,7 +6,10 @@ from collections.abc import Iterator, Mapping
 from importlib import resources
 
 CONF = resources.files("jointsdf").joinpath("conf")
-GROUPS = ("recipe", "head", "loss", "optimizer", "trunk", "data", "extraction", "evaluation", "trainer", "sweeps")
+GROUPS = (
+    *("recipe", "head", "loss", "optimizer", "trunk", "data", "extraction", "evaluation", "trainer", "logger"),
+    "sweeps",
+)
 KEY = re.compile(r"^(?P<key> *[\w.]+): *(?P<value>[^#]*?) *(?:# *(?P<comment>.*))?$")
 HIDDEN = ("defaults", "hydra")
 DEFAULT = re.compile(r"^  - (\w+): (\w+)$", re.MULTILINE)  # of the defaults list

@@ -1,5 +1,6 @@
-"""Result row, pictures and last TensorBoard entries of a finished run."""
+"""Result row, pictures and last log entries of a finished run."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -7,19 +8,23 @@ from omegaconf import DictConfig
 
 from jointsdf.evaluation.protocol import Scores
 from jointsdf.experiment.data_settings import sample_settings
-from jointsdf.experiment.tensorboard import log_result
+from jointsdf.experiment.settings import resolve
+from jointsdf.experiment.summary import three_numbers
+from jointsdf.experiment.tensorboard import Finished, log_result
 from jointsdf.model.field import JointField
 from jointsdf.phases import tell
 from jointsdf.runs.records import HOLDOUT
 from jointsdf.runs.row import Fact, ResultRow
 from jointsdf.shapes.clouds.report import CloudReport
 from jointsdf.shapes.mesh_report import MeshReport
-from jointsdf.training.fit import tensorboard_logger
 from jointsdf.training.hardware import peak_memory_mb
 from jointsdf.values import LabelledMesh, Scan, Subject
+from jointsdf.viewing.error_view import error_colours
 from jointsdf.viewing.points import beside_fit, what_is_given
-from jointsdf.viewing.render import write_png
+from jointsdf.viewing.render import notice, write_png
 from jointsdf.viewing.slice import render_slice
+
+NUMBERS_SHARE = 48  # width of the picture, over height of the line of numbers
 
 
 def save_pictures(
@@ -31,9 +36,10 @@ def save_pictures(
     scores: dict[str, float],
     resolution: int,
 ) -> None:
-    """Write `preview.png` and the run's last TensorBoard entries.
+    """Write `preview.png` and the run's last log entries.
 
-    The picture shows truth and fit above a slice of the field; of a cloud without a truth, the points beside the fit.
+    The picture shows truth, fit and its error above three numbers and a slice of the field, with the same scale of
+    errors; of a cloud without a truth, the points beside the fit.
 
     Args:
         cfg: The composed config.
@@ -46,16 +52,33 @@ def save_pictures(
     """
     name = f"{cfg.recipe}, head {cfg.head.name}"
     tell(0, 3, "meshes")
-    shown, found = beside_fit(shape), f"{name}, {resolution}^3"
-    pictures = {"truth_and_prediction": shown(mesh, captions=(f"{shape.name}: {what_is_given(shape)}", found))}
+    captions: tuple[str, ...] = (f"{shape.name}: {what_is_given(shape)}", f"{name}, {resolution}^3")
+    if shape.truth is None or mesh.is_empty:
+        pictures = {"truth_and_prediction": beside_fit(shape)(mesh, captions=captions)}
+    else:
+        errors, captions = error_colours(mesh, shape.truth.mesh), (*captions, "error, in the colours of the slice")
+        pictures = {"truth_prediction_error": beside_fit(shape)(mesh, captions=captions, errors=errors)}
     if shape.truth is not None:
         tell(1, facts="slice")
-        width = pictures["truth_and_prediction"].shape[1]
+        width = next(iter(pictures.values())).shape[1]
+        if numbers := three_numbers(cfg, scores, shape.truth):
+            pictures["numbers"] = notice(numbers, width, width // NUMBERS_SHARE)
         pictures["slice_truth_fit_error"] = render_slice(shape.truth, field, caption=name, width=width)
     write_png(folder / "preview.png", np.concatenate(list(pictures.values())))
-    tell(2, facts="TensorBoard")
-    settings = {"recipe": cfg.recipe, "head": cfg.head.name, "shape": shape.name, "seed": cfg.seed}
-    log_result(tensorboard_logger(folder), field, mesh, pictures, settings, scores, cfg.trainer.max_steps)
+    tell(2, facts=cfg.logger.name)
+    done = Finished(shape, field, mesh, pictures, hparams(cfg, shape), scores, cfg.trainer.max_steps)
+    log_result(cfg.logger.name, folder, done)
+
+
+def hparams(cfg: DictConfig, shape: Subject) -> dict[str, Fact]:
+    """Plain values that tell runs apart in a log: study, variant, recipe, head, shape, seed, steps, loss weights.
+
+    A weight that follows a schedule is its text.
+    """
+    named = {"study": str(cfg.study), "variant": str(cfg.variant), "recipe": cfg.recipe, "head": cfg.head.name}
+    weights = {f"weight/{term}": weight for term, weight in resolve(cfg.loss)["weights"].items()}
+    plain = {name: w if isinstance(w, int | float) else json.dumps(w) for name, w in weights.items()}
+    return {**named, "shape": shape.name, "seed": cfg.seed, "steps": cfg.trainer.max_steps, **plain}
 
 
 def data_facts(cfg: DictConfig, shape: Subject) -> dict[str, Fact]:

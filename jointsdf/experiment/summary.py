@@ -6,11 +6,12 @@ from functools import partial
 from pathlib import Path
 
 import trimesh
+from omegaconf import DictConfig
 
 from jointsdf.evaluation.protocol import Protocol, bounding_frame
 from jointsdf.runs.records import HOLDOUT
 from jointsdf.runs.row import ResultRow, score_of
-from jointsdf.values import LabelledMesh, Subject
+from jointsdf.values import LabelledMesh, Shape, Subject
 
 QUOTED_SCORES = {"surface_p99", "parts_pred", "parts_gt", "components", "components_gt"}
 
@@ -72,6 +73,26 @@ def describe(row: ResultRow, protocols: Mapping[str, Protocol], shape: Subject, 
     if specks := scores.get("specks", 0):
         facts.append(f"{specks:.0f} of them specks (extraction.smallest_piece=0.003 leaves them out)")
     return ", ".join(facts)
+
+
+def three_numbers(cfg: DictConfig, scores: Mapping[str, float], truth: Shape) -> str:
+    """Mean and 99th percentile of the surface's distance in file units, and the share of right labels, for a picture.
+
+    Without labels the volume takes their place. Empty where the primary protocol is not in the ground truth's frame, or
+    a number is missing.
+
+    Args:
+        cfg: The composed config.
+        scores: Of the primary protocol.
+        truth: Ground truth.
+    """
+    side, unit = bounding_frame(truth.mesh).scale, truth.unit.name
+    mean, p99, right = (scores.get(name, math.nan) for name in ("surface_mean", "surface_p99", "acc_exact"))
+    volume = scores.get("volume", math.nan) / scores.get("volume_gt", math.nan)
+    third = f"labels right on {right:.2%} of the surface" if math.isfinite(right) else f"volume {volume - 1:+.2%}"
+    if cfg.evaluation.protocols[cfg.evaluation.primary].frame != "truth" or not math.isfinite(mean + p99 + volume):
+        return ""
+    return f"distance to the truth: mean {mean * side:.2g} {unit}, 99% within {p99 * side:.2g} {unit}; {third}"
 
 
 def files_to_open(folder: Path) -> str:

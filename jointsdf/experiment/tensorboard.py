@@ -1,16 +1,16 @@
-"""TensorBoard entries of a run: previews during the fit, and the finished result."""
+"""Log entries of a run besides its losses: previews during the fit, and the finished result."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import UInt8
 from lightning import Callback, LightningModule, Trainer
-from lightning.pytorch.loggers import TensorBoardLogger
+from lightning.pytorch.loggers import Logger, TensorBoardLogger
 from numpy import ndarray
 from omegaconf import DictConfig
 from torch.utils.tensorboard import SummaryWriter
@@ -19,15 +19,23 @@ from jointsdf.errors import require_integer
 from jointsdf.evaluation.protocol import GroundTruth, Protocol
 from jointsdf.extraction.extractor import Extraction
 from jointsdf.model.field import JointField
+from jointsdf.training.loggers import close, log_picture, make_logger
 from jointsdf.training.module import JointSDFModule
 from jointsdf.values import LabelledMesh, Subject
-from jointsdf.viewing.export import fits_tensorboard, tensorboard_mesh
 from jointsdf.viewing.points import beside_fit, what_is_given
+from jointsdf.viewing.tensorboard_mesh import decimate, fits, scene, to_arrays
 
 PREVIEW_POINTS = 5000  # samples on each surface
-PREVIEW_WIDTH, PREVIEW_HEIGHT = 320, 240  # pixels
+PREVIEW_WIDTH, PREVIEW_HEIGHT = 480, 360  # pixels
 PREVIEW_COLUMNS = ("cd_l1", "nc", "miou")
-MESH_RESOLUTIONS = (64, 48, 32, 24, 16, 8)  # tried in turn if the run's mesh is too large for the mesh tab
+MESH_RESOLUTIONS = (
+    64,
+    48,
+    32,
+    24,
+    16,
+    8,
+)  # tried in turn if the run's mesh cannot be made small enough for the mesh tab
 
 
 def extract(field: JointField, extraction: Extraction) -> LabelledMesh:
@@ -59,10 +67,10 @@ class PreviewSettings:
 
 
 class Preview(Callback):
-    """Extracts, scores and draws a coarse mesh every so many steps, in TensorBoard under `preview_<resolution>/`.
+    """Extracts, scores and draws a coarse mesh every so many steps, in the log under `preview_<resolution>/`.
 
     Args:
-        writer: Writer of the run's log.
+        logger: The run's log.
         score: Mesh -> scores by few points.
         settings: Interval and grid.
         picture: Mesh -> image of it beside what is given.
@@ -70,12 +78,12 @@ class Preview(Callback):
 
     def __init__(
         self,
-        writer: SummaryWriter,
+        logger: Logger,
         score: Callable[[LabelledMesh], Mapping[str, float]],
         settings: PreviewSettings,
         picture: Callable[[LabelledMesh], UInt8[ndarray, "h w 3"]],
     ) -> None:
-        self.writer, self.score = writer, score
+        self.logger, self.score = logger, score
         self.every, self.extraction, self.picture = settings.every, Extraction(settings.resolution), picture
 
     def on_train_batch_end(self, trainer: Trainer, pl_module: LightningModule, *_: Any) -> None:
@@ -87,10 +95,9 @@ class Preview(Callback):
         mesh = extract(pl_module.field, self.extraction)
         scores = self.score(mesh)
         tag = f"preview_{self.extraction.resolution}"
-        for column in PREVIEW_COLUMNS:
-            if np.isfinite(scores.get(column, np.nan)):
-                self.writer.add_scalar(f"{tag}/{column}", scores[column], step)
-        self.writer.add_image(f"{tag}/truth_and_prediction", self.picture(mesh), step, dataformats="HWC")
+        finite = {name: scores[name] for name in PREVIEW_COLUMNS if np.isfinite(scores.get(name, np.nan))}
+        self.logger.log_metrics({f"{tag}/{name}": value for name, value in finite.items()}, step)
+        log_picture(self.logger, f"{tag}/truth_and_prediction", self.picture(mesh), step)
 
 
 def preview_settings(cfg: DictConfig) -> PreviewSettings:
@@ -98,8 +105,8 @@ def preview_settings(cfg: DictConfig) -> PreviewSettings:
     return PreviewSettings(cfg.trainer.preview_every, cfg.trainer.preview_resolution)
 
 
-def preview_factory(cfg: DictConfig, shape: Subject, protocol: Protocol) -> Callable[[SummaryWriter], Preview] | None:
-    """Make the function that makes the preview callback of a writer; None without previews.
+def preview_factory(cfg: DictConfig, shape: Subject, protocol: Protocol) -> Callable[[Logger], Preview] | None:
+    """Make the function that makes the preview callback of a logger; None without previews.
 
     Args:
         cfg: The composed config.
@@ -122,46 +129,68 @@ def _scores_by(shape: Subject, protocol: Protocol) -> Callable[[LabelledMesh], M
     return lambda mesh: truth.scores(mesh)["preview"]
 
 
-def log_result(
-    logger: TensorBoardLogger,
-    field: JointField,
-    mesh: LabelledMesh,
-    pictures: Mapping[str, UInt8[ndarray, "_ _ 3"]],
-    settings: Mapping[str, Any],
-    scores: Mapping[str, float],
-    step: int,
-) -> None:
-    """Add the finished run to TensorBoard: pictures, mesh, and its settings as hparams with the final scores.
+@dataclass(frozen=True)
+class Finished:
+    """A finished run, as logs show it.
 
-    Args:
-        logger: The run's log.
-        field: The fitted field, extracted on a coarser grid if the mesh is too large for the mesh tab.
+    Attributes:
+        shape: What it was fitted to.
+        field: The fitted field, extracted on a coarser grid if the mesh cannot be made small enough for the mesh tab.
         mesh: The run's mesh, file frame.
         pictures: By name.
-        settings: Plain values that name the run.
+        settings: Plain values that name the run: study, variant, recipe, head, shape, seed, and weights of the loss.
         scores: Final scores.
         step: Steps done.
     """
-    for name, picture in pictures.items():
-        logger.experiment.add_image(f"result/{name}", picture, step, dataformats="HWC")
-    _log_mesh(logger.experiment, field, mesh, step)
-    finite = {f"result/{name}": value for name, value in scores.items() if np.isfinite(value)}
-    logger.log_hyperparams(dict(settings), finite, step)  # SummaryWriter.add_hparams would make a run of its own
-    logger.finalize("success")
+
+    shape: Subject
+    field: JointField
+    mesh: LabelledMesh
+    pictures: Mapping[str, UInt8[ndarray, "_ _ 3"]]
+    settings: Mapping[str, Any]
+    scores: Mapping[str, float]
+    step: int
 
 
-def _log_mesh(writer: SummaryWriter, field: JointField, mesh: LabelledMesh, step: int) -> None:
-    """Add the mesh to the mesh tab; nothing for a field without a surface."""
-    if mesh.is_empty:
+def log_result(name: str, folder: Path, run: Finished) -> None:
+    """Add the finished run to its log: pictures, meshes, and its settings as hparams with the final scores.
+
+    Args:
+        name: Of the logger; `csv` takes nothing, since `result.json` holds it all.
+        folder: The run folder.
+        run: The run.
+    """
+    if name == "csv":
         return
-    coarser = (extract(field, Extraction(resolution=resolution)) for resolution in MESH_RESOLUTIONS)
-    fitting = (found for found in chain([mesh], coarser) if not found.is_empty and fits_tensorboard(found))
-    if (shown := next(fitting, None)) is None:
-        return
-    vertices, colours, faces = (torch.as_tensor(array) for array in tensorboard_mesh(shown))
-    camera = {"cls": "PerspectiveCamera", "fov": 60, "position": [0, 0, 3.3]}
-    lights = [
-        {"cls": "AmbientLight", "color": "#ffffff", "intensity": 0.9},
-        {"cls": "DirectionalLight", "color": "#ffffff", "intensity": 0.7, "position": [1, 2, 3]},
-    ]
-    writer.add_mesh("result/mesh", vertices, colours, faces, {"camera": camera, "lights": lights}, global_step=step)
+    logger = make_logger(name, folder)
+    for title, picture in run.pictures.items():
+        log_picture(logger, f"result/{title}", picture, run.step)
+    finite = {f"result/{score}": value for score, value in run.scores.items() if np.isfinite(value)}
+    if isinstance(logger, TensorBoardLogger):
+        _log_meshes(logger.experiment, run)
+        logger.log_hyperparams(dict(run.settings), finite, run.step)  # SummaryWriter.add_hparams makes a run of its own
+    else:
+        logger.log_hyperparams(dict(run.settings))
+        logger.log_metrics(finite, run.step)
+    close(logger)
+
+
+def _log_meshes(writer: SummaryWriter, run: Finished) -> None:
+    """Add ground truth and fit to the mesh tab, which shows of a name only what is before the slash, above both."""
+    truth = None if run.shape.truth is None else run.shape.truth.mesh
+    fit = None if run.mesh.is_empty else _shown(run)
+    both = {"ground truth": None if truth is None else decimate(truth), "fit": fit}
+    meshes = {name: mesh for name, mesh in both.items() if mesh is not None}
+    study, variant, head, shape, seed = (run.settings[key] for key in ("study", "variant", "head", "shape", "seed"))
+    title = f"{shape}, {head}, seed {seed}, {study} {variant}: {' and '.join(meshes)}"
+    for place, mesh in enumerate(meshes.values()):
+        vertices, colours, faces = map(torch.as_tensor, to_arrays(mesh, truth or mesh, run.shape.up))
+        writer.add_mesh(f"{title.replace('/', '_')}/{place}", vertices, colours, faces, scene(), run.step)
+
+
+def _shown(run: Finished) -> LabelledMesh | None:
+    """The run's mesh, decimated or else extracted on coarser grids, as far as the mesh tab needs it."""
+    if (small := decimate(run.mesh)) is not None:
+        return small
+    coarser = (extract(run.field, Extraction(resolution=resolution)) for resolution in MESH_RESOLUTIONS)
+    return next((found for found in coarser if not found.is_empty and fits(found)), None)

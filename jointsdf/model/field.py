@@ -33,6 +33,9 @@ class JointField(LevelSet):
         part_ids: Original part ids, in the order of the logits.
         normalisation: File frame -> network frame.
 
+    Attributes:
+        about: What its file says of itself besides (`export/about.py`); empty for a run's own.
+
     Raises:
         InputError: An unknown head, or arguments that trunk or head do not take.
     """
@@ -47,7 +50,7 @@ class JointField(LevelSet):
         normalisation: Normalisation,
     ) -> None:
         super().__init__()
-        self.arguments = {"trunk": dict(trunk), "head": dict(head)}
+        self.arguments, self.about = {"trunk": dict(trunk), "head": dict(head)}, dict[str, Any]()
         self.trunk, self.far = make_trunk(**trunk)
         arguments = dict(head)
         name = arguments.pop("name")
@@ -168,7 +171,7 @@ class JointField(LevelSet):
             InputError: A weight beyond the range of float16.
         """
         state = {"precision": "float16", "state": half_state(self)} if half else {"state": self.state_dict()}
-        save_sealed({"format": 1, **self.arguments, **state}, path)
+        save_sealed({"format": 1, **self.arguments, **state, **({"about": self.about} if self.about else {})}, path)
 
     @classmethod
     def load(cls, path: str | Path) -> "JointField":
@@ -182,6 +185,6 @@ class JointField(LevelSet):
             normalisation = Normalisation(state["centre"].numpy(), float(state["scale"]))
             unfitted = {**stored["trunk"], "init": "siren"}  # the state replaces a fitted sphere, which takes seconds
             field = cls(unfitted, stored["head"], state["part_ids"].numpy(), normalisation)
-            field.arguments["trunk"] = stored["trunk"]
+            field.arguments["trunk"], field.about = stored["trunk"], dict(stored.get("about", {}))
             field.load_state_dict(state)
         return field.eval()

@@ -34,7 +34,7 @@ def _parser() -> argparse.ArgumentParser:
         prog=program_name("jointsdf.study"), description="Tables, status and committed rows of a study."
     )
     commands = parser.add_subparsers(dest="command", required=True)
-    tables = commands.add_parser("tables", help="write OUTPUTS/tables/*.csv and *.tex")
+    tables = commands.add_parser("tables", help="write OUTPUTS/tables/<study>/*.csv and *.tex")
     report = commands.add_parser(
         "report", help="write the tables and OUTPUTS/tables/report.pdf, with the figures there"
     )
@@ -42,6 +42,7 @@ def _parser() -> argparse.ArgumentParser:
     results = commands.add_parser("results", help="write a study's rows to RESULTS/<study>/runs.csv, to be committed")
     for command in (tables, report):
         add_heads(command)
+        add_all(command)
     for command in (status, results):
         command.add_argument("study", help="its name, e.g. main")
     for command in (tables, report, status, results):
@@ -57,11 +58,11 @@ def _run(options: argparse.Namespace) -> None:
         path, count, problems = commit_rows(options.outputs / options.study, options.results)
         log.info("\n".join([*problems, f"{path}: {count} runs"]))
         return
-    rows, passed_over = load_rows(options.outputs, options.results, options.heads)
+    rows, passed_over = load_rows(options.outputs, options.results, options.heads, every_study=options.all)
     written = write_tables(rows, options.outputs, options.results, options.heads, passed_over)
     if options.command == "report":
         written.append(compile_pdf(written[-1]))
-    shown = [path for path in written if SUFFIX not in path.name]
+    shown = [path for path in written if SUFFIX not in path.name]  # of each study the first group
     log.info("\n".join(map(str, shown)))
     if others := len(written) - len(shown):
         log.info(f"and {others} tables of other groups, named <table>{SUFFIX}<group>")
@@ -74,6 +75,12 @@ def add_heads(command: argparse.ArgumentParser) -> None:
         type=lambda text: [name.strip() for name in text.split(",")],
         help="these alone, e.g. siren,hybrid: on the shapes that they share",
     )
+
+
+def add_all(command: argparse.ArgumentParser) -> None:
+    """Add the option that selects committed studies."""
+    said = "the committed studies as well; otherwise only those with finished runs below OUTPUTS, if there are any"
+    command.add_argument("--all", action="store_true", help=said)
 
 
 def add_folders(command: argparse.ArgumentParser) -> None:

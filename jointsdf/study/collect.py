@@ -20,13 +20,16 @@ def collect(rows: Sequence[ResultRow]) -> pd.DataFrame:
     return pd.DataFrame(flatten_rows(rows))
 
 
-def load_rows(outputs: Path, results: Path, heads: Collection[str] | None = None) -> tuple[list[ResultRow], int]:
+def load_rows(
+    outputs: Path, results: Path, heads: Collection[str] | None = None, *, every_study: bool = True
+) -> tuple[list[ResultRow], int]:
     """Load the rows of all runs below a folder, and the committed rows of other runs.
 
     Args:
         outputs: Folder of the runs.
         results: Folder of the committed studies; a missing one holds none.
         heads: Only these heads; None for all.
+        every_study: Whether to take committed studies besides those that have rows below the folder, if any have.
 
     Returns:
         The rows; and the number of files that were passed over, of rows or plans, each of which is logged.
@@ -41,7 +44,8 @@ def load_rows(outputs: Path, results: Path, heads: Collection[str] | None = None
     for problem in problems:
         log.warning(problem)
     here = {run_key(row) for row in rows}
-    rows += [row for row in committed if run_key(row) not in here]
+    studies = {row.study for row in rows if not every_study}
+    rows += [row for row in committed if run_key(row) not in here and (not studies or row.study in studies)]
     if not rows:
         raise ValueError(f"{outputs}: no result rows below it; make one with `python train.py`, or name another folder")
     known = sorted({row.head for row in rows})

@@ -15,7 +15,6 @@ PREAMBLE = r"""\documentclass[10pt]{article}
 \usepackage[a4paper,margin=20mm]{geometry}
 \usepackage{booktabs,graphicx}
 \usepackage[hidelinks]{hyperref}
-\graphicspath{{../figures/}}
 \setlength{\belowcaptionskip}{4pt}
 \renewcommand{\topfraction}{0.95}
 \renewcommand{\textfraction}{0.05}
@@ -34,14 +33,16 @@ def build_document(groups: Iterable[Group], parts: Iterable[Path], names: Sequen
         parts: The `.tex` files of tables and figures, relative to the document.
         names: Of tables and figures, in the order within a section.
     """
-    files = {path.stem: path for path in parts}
+    files = {(path.parent.name, path.stem): path for path in parts}
     sections = []
     for group in groups:
         key = group.key
         title = f"Study {key['study']}, recipe {key['recipe']}, variant {key['variant']}"
         what = f"Source of shapes: {key['source']}; labels: {key['label_kind']}; protocol: {key['protocol']}."
-        inputs = [files[name + group.suffix].as_posix() for name in names if name + group.suffix in files]
-        lines = [rf"\section{{{escape(title)}}}", escape(what), *(rf"\input{{{name}}}" for name in inputs)]
+        wanted = [(group.folder, name + group.suffix) for name in names]
+        inputs = [files[name].as_posix() for name in wanted if name in files]
+        pictures = rf"\graphicspath{{{{../figures/{group.folder}/}}}}"
+        lines = [rf"\section{{{escape(title)}}}", escape(what), pictures, *(rf"\input{{{name}}}" for name in inputs)]
         sections.append("\n".join([*lines, r"\clearpage"]))
     return PREAMBLE + "\n\n".join(sections) + "\n\\end{document}\n"
 

@@ -53,7 +53,7 @@ def groups_with_own_tables(groups: Sequence[Group], related: Sequence[Family]) -
         related: From `join_variants`.
     """
     joined = [family.group for family in related if compare(family.group, baseline=True).shapes]
-    return [group for group in groups if not group.suffix or not any(_covers(family, group) for family in joined)]
+    return [group for group in groups if group.first or not any(_covers(family, group) for family in joined)]
 
 
 def _covers(family: Group, group: Group) -> bool:

@@ -20,16 +20,17 @@ LONGEST = 160  # characters of a group in a file's name
 
 @dataclass(frozen=True)
 class Group:
-    """Comparable runs, and the suffix of their tables' names.
+    """Comparable runs, and the folder and suffix of their tables.
 
     Attributes:
         key: Value of each column of `GROUP`.
-        suffix: Of the file names; empty for the default group.
+        suffix: Of the file names; empty for a study's first group.
         runs: Lines of `collect`.
         borrowed: Baseline runs of another study, where this one has none: same recipe, variant, shapes' source,
             protocol and budget.
         missing: Planned runs of the study that have no result.
         passed_over: Number of files of rows or plans that cannot be read, or repeat a run, of any study.
+        first: Whether it is the default group, the first of all.
     """
 
     key: dict[str, str]
@@ -38,6 +39,16 @@ class Group:
     borrowed: pd.DataFrame
     missing: list[MissingRun]
     passed_over: int = 0
+    first: bool = False
+
+    @property
+    def folder(self) -> str:
+        """Folder of its tables and figures: the study's."""
+        return file_words((self.key["study"],)).strip(".") or "study"
+
+    def label(self, name: str) -> str:
+        """Name of one of its tables or figures that no other group's has."""
+        return name + (self.suffix or ("" if self.first else SUFFIX + self.folder))
 
     @property
     def borrowed_from(self) -> str:
@@ -80,8 +91,9 @@ def group_runs(runs: pd.DataFrame, missing: Sequence[MissingRun] = (), passed_ov
             _borrow_baseline(part, baseline, offered),
             _missing_of(key, missing),
             passed_over,
+            first=not place,
         )
-        for (key, part), suffix in zip(parts, suffixes, strict=True)
+        for place, ((key, part), suffix) in enumerate(zip(parts, suffixes, strict=True))
     ]
 
 
@@ -115,10 +127,15 @@ def _borrow_baseline(part: pd.DataFrame, baseline: pd.DataFrame, offered: Sequen
 
 
 def _suffixes(keys: list[tuple[str, ...]]) -> Iterator[str]:
-    """A suffix per group, none twice; empty for the first."""
+    """A suffix per group, none twice but the empty one of each study's first."""
     used: set[str] = set()
+    studies: set[str] = set()
     for position, key in enumerate(keys):
-        suffix = SUFFIX + file_words(key) if position else ""
+        if (study := file_words(key[:1])) not in studies:
+            studies.add(study)
+            yield ""
+            continue
+        suffix = SUFFIX + file_words(key)
         yield suffix if suffix not in used else f"{suffix}-{position}"
         used.add(suffix)
 

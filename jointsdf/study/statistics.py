@@ -23,7 +23,7 @@ class Summary:
     Attributes:
         n: Number of shapes that have the number.
         mean: Over those shapes; NaN for n = 0.
-        std: Sample standard deviation (n - 1 in the denominator); 0 for n = 1, NaN for n = 0.
+        std: Sample standard deviation (n - 1 in the denominator); NaN below n = 2.
     """
 
     n: int
@@ -40,7 +40,7 @@ def summarise(values: Iterable[float]) -> Summary:
     present = [value for value in values if not math.isnan(value)]
     if not present:
         return Summary(0, math.nan, math.nan)
-    return Summary(len(present), statistics.fmean(present), statistics.stdev(present) if len(present) > 1 else 0.0)
+    return Summary(len(present), statistics.fmean(present), statistics.stdev(present) if len(present) > 1 else math.nan)
 
 
 def per_shape(runs: pd.DataFrame, metric: str) -> dict[str, float]:

@@ -9,17 +9,17 @@ import torch
 from lightning import Callback, LightningDataModule, Trainer
 from lightning.fabric.utilities.exceptions import MisconfigurationException
 from lightning.pytorch.callbacks import LearningRateMonitor
-from lightning.pytorch.loggers import TensorBoardLogger
-from torch.utils.tensorboard import SummaryWriter
+from lightning.pytorch.loggers import Logger
 
 from jointsdf.errors import InputError, require_number, require_one_of
 from jointsdf.model.field import JointField
 from jointsdf.runs.files import replacing
-from jointsdf.runs.folder import BOARD, CHECKPOINT
+from jointsdf.runs.folder import CHECKPOINT
 from jointsdf.threads import workers
 from jointsdf.training.checkpoints import Checkpoints, SealedCheckpoints, read_checkpoint
 from jointsdf.training.interruption import StopRequests
 from jointsdf.training.last_layer import refit_last_layer
+from jointsdf.training.loggers import close, make_logger, require_logger
 from jointsdf.training.matrix_products import Products
 from jointsdf.training.module import JointSDFModule
 from jointsdf.training.product_choice import choice_record, machine_kind, set_products
@@ -33,12 +33,13 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class FitMachine:
-    """Device, matrix products and checkpoint interval of a fit; none of it is part of a run's identity.
+    """Device, matrix products, checkpoint interval and logger of a fit; none of it is part of a run's identity.
 
     Attributes:
         products: Library and precisions of matrix products; `auto` values are chosen on this machine.
         accelerator: `auto`, `cpu` or `gpu`; one device.
         checkpoint_seconds: Seconds between two checkpoints: the most that kill -9 can cost.
+        logger: `tensorboard`, `csv` or `wandb`.
 
     Raises:
         InputError: A value out of its range.
@@ -47,11 +48,13 @@ class FitMachine:
     products: Products = Products()  # noqa: RUF009 (frozen)
     accelerator: str = "auto"
     checkpoint_seconds: float = 20.0
+    logger: str = "tensorboard"
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         require_one_of("trainer.accelerator", self.accelerator, ("auto", "cpu", "gpu"))
         require_number("trainer.checkpoint_seconds", self.checkpoint_seconds, 0)
+        require_logger(self.logger)
 
 
 def fit(
@@ -61,7 +64,7 @@ def fit(
     machine: FitMachine,
     *,
     labelled: LabelledPoints | None = None,
-    preview: Callable[[SummaryWriter], Callback] | None = None,
+    preview: Callable[[Logger], Callback] | None = None,
 ) -> tuple[float, dict[str, str | int]]:
     """Train to the module's `max_steps`, resuming from the folder's checkpoint if there is one; refit the last layer.
 
@@ -69,7 +72,7 @@ def fit(
         module: Module to train; on the CPU and in evaluation mode afterwards.
         data: Samples of each step.
         folder: The run folder.
-        machine: Device, matrix products and checkpoint interval.
+        machine: Device, matrix products, checkpoint interval and logger.
         labelled: Points to which the head's last layer is refitted after the steps; None for no refit.
         preview: Makes the callback that previews the run.
 
@@ -93,12 +96,12 @@ def fit(
     module.products = set_products(machine.products, sizes, before)
     if done:
         log.info("going on from step %d of %d", done, steps)
-    logger = tensorboard_logger(folder, purge_step=done or None)  # steps after the checkpoint are logged again
+    logger = make_logger(machine.logger, folder, purge_step=done or None)  # steps after the checkpoint are logged again
     stop = StopRequests()
     checkpoints = Checkpoints(path, machine.checkpoint_seconds, stop, done, choice_record(module.products, sizes))
     callbacks: list[Callback] = [checkpoints, LearningRateMonitor("step"), StatusFile(folder, checkpoints.clock)]
     callbacks += [Progress(steps), restoring]
-    callbacks += [preview(logger.experiment)] if preview else []
+    callbacks += [preview(logger)] if preview else []
     trainer = _trainer(machine.accelerator, module.settings, logger, callbacks)
     try:
         with stop.handled(), restoring.errors():
@@ -106,6 +109,8 @@ def fit(
     except SystemExit:
         log.warning("stopped after step %d of %d; the same command goes on from there", checkpoints.saved_step, steps)
         raise
+    finally:
+        close(logger)
     device = torch.cuda.get_device_name(module.device) if module.device.type == "cuda" else module.device.type
     module.to("cpu").eval()
     if labelled is not None:
@@ -115,11 +120,6 @@ def fit(
         "device": device,
         "kind": machine_kind(),
     }
-
-
-def tensorboard_logger(folder: Path, purge_step: int | None = None) -> TensorBoardLogger:
-    """The run's TensorBoard log; entries from `purge_step` on are replaced."""
-    return TensorBoardLogger(folder, name="", version=BOARD, default_hp_metric=False, purge_step=purge_step)
 
 
 def save_field(field: JointField, path: Path) -> None:
@@ -132,7 +132,7 @@ def save_field(field: JointField, path: Path) -> None:
         field.save(temporary)
 
 
-def _trainer(accelerator: str, settings: FitSettings, logger: TensorBoardLogger, callbacks: list[Callback]) -> Trainer:
+def _trainer(accelerator: str, settings: FitSettings, logger: Logger, callbacks: list[Callback]) -> Trainer:
     """Make Lightning's loop, without its own output, checkpoints and sanity checks."""
     try:
         return Trainer(

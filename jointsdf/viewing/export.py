@@ -1,20 +1,16 @@
-"""Export of part-labelled meshes in part colours: PLY and GLB files, arrays for TensorBoard."""
+"""Export of part-labelled meshes in part colours: PLY and GLB files."""
 
 import io
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float32, Int, Int32, UInt8
-from numpy import ndarray
 
 from jointsdf.geometry.ply import binary_ply
 from jointsdf.runs.files import write_atomically
 from jointsdf.shapes.labels.face_order import order_record
-from jointsdf.values import ASSUMED_UNIT, UNLABELLED, LabelledMesh, Unit
+from jointsdf.values import ASSUMED_UNIT, LabelledMesh, Unit
 from jointsdf.viewing.glb import glb_bytes
 from jointsdf.viewing.palette import part_colours
-
-TENSORBOARD_VERTICES = 65_535  # its page stores vertex indices as 16-bit integers
 
 
 def write_mesh(folder: Path, mesh: LabelledMesh, unit: Unit = ASSUMED_UNIT, up: str = "z") -> None:
@@ -41,43 +37,6 @@ def write_mesh(folder: Path, mesh: LabelledMesh, unit: Unit = ASSUMED_UNIT, up: 
     write_atomically(folder / "labels.npy", labels.getvalue())
     corners = mesh.vertices[mesh.faces]
     write_atomically(folder / "labels.json", order_record("mesh.ply", "labels.npy", labels.getvalue(), corners))
-
-
-def tensorboard_mesh(
-    mesh: LabelledMesh,
-) -> tuple[Float32[ndarray, "1 v 3"], UInt8[ndarray, "1 v 3"], Int32[ndarray, "1 f 3"]]:
-    """Vertices, vertex colours and faces for `SummaryWriter.add_mesh`; centred, longest side 2.
-
-    Vertices at part borders are duplicated, so that each face has its part's colour.
-
-    Args:
-        mesh: Not empty.
-
-    Raises:
-        ValueError: More vertices than TensorBoard can show. One line, with the fix.
-    """
-    assert not mesh.is_empty, "TensorBoard cannot show an empty mesh"
-    corners, faces = np.unique(_corners(mesh), return_inverse=True)
-    if len(corners) > TENSORBOARD_VERTICES:
-        raise ValueError(
-            f"{len(corners)} vertices: TensorBoard shows at most {TENSORBOARD_VERTICES}; extract at a lower resolution"
-        )
-    part, vertex = np.divmod(corners, len(mesh.vertices))
-    vertices = mesh.vertices[vertex]
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    vertices = (vertices - (low + high) / 2) * (2 / (high - low).max())
-    colours = part_colours(part + UNLABELLED)
-    return vertices.astype(np.float32)[None], colours[None], faces.reshape(1, -1, 3).astype(np.int32)
-
-
-def fits_tensorboard(mesh: LabelledMesh) -> bool:
-    """True if TensorBoard can show the mesh; see `tensorboard_mesh`."""
-    return len(np.unique(_corners(mesh))) <= TENSORBOARD_VERTICES
-
-
-def _corners(mesh: LabelledMesh) -> Int[ndarray, " c"]:
-    """A key per corner of each face, equal for corners that share vertex and label."""
-    return np.repeat(mesh.labels - UNLABELLED, 3) * len(mesh.vertices) + mesh.faces.reshape(-1)
 
 
 def ply_bytes(mesh: LabelledMesh, unit: Unit, up: str) -> bytes:

@@ -65,25 +65,28 @@ def render_comparison(
     truth: LabelledMesh,
     predicted: LabelledMesh,
     *,
-    captions: tuple[str, str] = ("ground truth", "prediction"),
+    captions: tuple[str, ...] = ("ground truth", "prediction", "error"),
     width: int = 640,
     height: int = 480,
     supersampling: int = 2,
     azimuth: float = AZIMUTH,
     elevation: float = ELEVATION,
+    errors: UInt8[ndarray, "f 3"] | None = None,
 ) -> UInt8[ndarray, "h w 3"]:
     """Render ground truth and prediction side by side with one camera, fitted to the ground truth.
 
     Args:
         truth: Left picture, file frame.
         predicted: Right picture, file frame.
-        captions: Below the left and the right picture.
+        captions: Below each picture.
         width: Pixels of each picture.
         height: Pixels of each picture, without its caption.
         supersampling: Rays per pixel along each axis.
         azimuth: Of the viewer about +z, from +x, degrees.
         elevation: Of the viewer above the xy plane, degrees, inside (-90, 90).
+        errors: sRGB of each predicted face, for a third picture; None for no such picture.
     """
+    shown = [(truth, None), (predicted, None), *([(predicted, errors)] if errors is not None else [])]
     panels = [
         render(
             mesh,
@@ -93,11 +96,12 @@ def render_comparison(
             azimuth=azimuth,
             elevation=elevation,
             framed=truth,
+            colours=colours,
         )
-        for mesh in (truth, predicted)
+        for mesh, colours in shown
     ]
     strip = max(24, height // 15)
-    below = [notice(caption, width, strip) for caption in captions]
+    below = [notice(caption, width, strip) for caption in captions[: len(panels)]]
     return np.concatenate([np.concatenate(panels, axis=1), np.concatenate(below, axis=1)], axis=0)
 
 
@@ -157,7 +161,10 @@ def _lines(mesh: LabelledMesh, hits: Hits, width: int) -> Float[ndarray, "h w"]:
 def notice(text: str, width: int, height: int) -> UInt8[ndarray, "h w 3"]:
     """Text in the middle of a white picture."""
     image = Image.new("RGB", (width, height), "white")
-    font = ImageFont.load_default(size=max(12, min(height * 0.7, width / 30)))
+    size = min(height * 0.75, width / 20)
+    font = ImageFont.load_default(size)
+    if (length := font.getlength(text)) > 0.96 * width:
+        font = ImageFont.load_default(size * 0.96 * width / length)
     ink = tuple(INK.astype(int))
     ImageDraw.Draw(image).text((width / 2, height / 2), text, fill=ink, font=font, anchor="mm")
     return np.array(image)

@@ -64,6 +64,25 @@ def best_axes(mesh: LabelledMesh, creases: Creases, place: Float[ndarray, "3"], 
     return candidates[int(np.argmax((facing * seen).sum(axis=1)))]
 
 
+def best_direction(
+    mesh: LabelledMesh, points: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], radius: float
+) -> tuple[float, float]:
+    """Azimuth and elevation, degrees, from which most of the points are seen, each by the cosine to its normal.
+
+    Args:
+        mesh: Hides what is behind it.
+        points: On it.
+        normals: Unit normals there.
+        radius: Of the place that the points are at.
+    """
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    directions = [(azimuth, elevation) for elevation in ELEVATIONS for azimuth in (USUAL[0], *AZIMUTHS)]
+    towards = -np.stack([viewing_axes(*direction)[2] for direction in directions])
+    seen = _in_sight(mesh.vertices[mesh.faces] / size, (points + CLEAR * radius * normals) / size, towards)
+    found = directions[int(np.argmax(((normals @ towards.T).T.clip(0) * seen).sum(axis=1)))]
+    return float(found[0]), float(found[1])
+
+
 def _in_sight(
     corners: Float[ndarray, "f 3 3"], starts: Float[ndarray, "n 3"], towards: Float[ndarray, "c 3"]
 ) -> Bool[ndarray, "c n"]:

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from command_line import assert_one_line_error, call, train
 from run_folders import folders_with, row_of
 from strange_names import STRANGE
+from study_rows import table_path
 
 import jointsdf
 from jointsdf.cli import main
@@ -71,7 +72,7 @@ def test_each_file_is_a_run_and_a_bad_one_is_named(tmp_path, parts, caplog, monk
     assert study(["tables", str(out)]) == 0
     with (out / "tables" / "runs.csv").open(newline="") as file:
         assert {row["shape"] for row in csv.DictReader(file)} == {row["shape"] for row in rows.values()}
-    assert "empty-" in (out / "tables" / "main_reconstruction.tex").read_text()
+    assert "empty-" in table_path(out, "main_reconstruction.tex").read_text()
 
 
 def test_a_run_of_a_strange_name_measures_again_by_its_path(tmp_path, monkeypatch) -> None:

@@ -56,3 +56,8 @@ def test_committed_rows_fill_what_is_not_on_disk(tmp_path: Path, caplog: pytest.
     assert f"{results / 'damaged' / 'runs.csv'}: line 1: no column variant" in caplog.text
     assert len(read_committed(tmp_path / "nowhere")[0]) == 0
     assert len(load_rows(tmp_path / "nowhere", results)[0]) == 2
+    assert len(load_rows(tmp_path / "nowhere", results, every_study=False)[0]) == 2, "no finished run: as committed"
+    (results / "other").mkdir()
+    (results / "other" / "runs.csv").write_text(rows_to_csv([make_row("siren", study="other")]))
+    assert {row.study for row in load_rows(outputs, results)[0]} == {"fast", "other"}
+    assert {row.study for row in load_rows(outputs, results, every_study=False)[0]} == {"fast"}

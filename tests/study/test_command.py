@@ -16,7 +16,7 @@ def test_the_command_writes_and_names_the_tables(
     (outputs / "broken" / "result.json").write_text("{")
     with caplog.at_level(logging.INFO):
         assert main(["tables", str(outputs), "--results", str(outputs / "none")]) == 0
-    assert str(outputs / "tables" / "main_reconstruction.tex") in caplog.text
+    assert str(outputs / "tables" / "fast" / "main_reconstruction.tex") in caplog.text
     assert "broken" in caplog.text
     assert "Traceback" not in capsys.readouterr().err
 

@@ -7,17 +7,20 @@ from study_rows import NAN, line, make_row, make_tables, read_table, write
 
 
 @pytest.mark.parametrize(
-    ("changed", "suffix"),
+    ("changed", "name"),
     [
-        ({"study": "wide"}, "wide-fast-base-abc-brep-unit"),
-        ({"recipe": "points"}, "fast-points-base-abc-brep-unit"),
-        ({"variant": "loss.weights.weingarten=0"}, "fast-loss.weights.weingarten=0-abc-brep-unit"),
-        ({"provider": "file:labels.npy"}, "fast-base-abc-file-unit"),
-        ({"shape": "part_01"}, "fast-base-builtin-brep-unit"),
-        ({"protocol": "flatcad"}, "fast-base-abc-brep-flatcad"),
+        ({"study": "wide"}, "wide/main_reconstruction"),
+        ({"recipe": "points"}, "fast/main_reconstruction--fast-points-base-abc-brep-unit"),
+        (
+            {"variant": "loss.weights.weingarten=0"},
+            "fast/main_reconstruction--fast-loss.weights.weingarten=0-abc-brep-unit",
+        ),
+        ({"provider": "file:labels.npy"}, "fast/main_reconstruction--fast-base-abc-file-unit"),
+        ({"shape": "part_01"}, "fast/main_reconstruction--fast-base-builtin-brep-unit"),
+        ({"protocol": "flatcad"}, "fast/main_reconstruction--fast-base-abc-brep-flatcad"),
     ],
 )
-def test_what_differs_is_never_in_one_table(tmp_path: Path, changed: dict[str, str], suffix: str) -> None:
+def test_what_differs_is_never_in_one_table(tmp_path: Path, changed: dict[str, str], name: str) -> None:
     other = {"shape": "abc_0009", **changed}
     write(
         tmp_path,
@@ -26,9 +29,9 @@ def test_what_differs_is_never_in_one_table(tmp_path: Path, changed: dict[str, s
         make_row("relu", cd_l1=100.0, **other),  # type: ignore[arg-type]
     )
     make_tables(tmp_path)
-    assert line(read_table(tmp_path, "main_reconstruction"), "relu")["cd_l1_mean"] == 2.0
-    assert line(read_table(tmp_path, f"main_reconstruction--{suffix}"), "relu")["cd_l1_mean"] == 100.0
-    assert len(list((tmp_path / "tables").glob("main_reconstruction*.tex"))) == 2
+    assert line(read_table(tmp_path, "fast/main_reconstruction"), "relu")["cd_l1_mean"] == 2.0
+    assert line(read_table(tmp_path, name), "relu")["cd_l1_mean"] == 100.0
+    assert len(list((tmp_path / "tables").rglob("main_reconstruction*.tex"))) == 2
 
 
 def test_the_default_group_is_protocol_unit_however_few_its_rows(tmp_path: Path) -> None:

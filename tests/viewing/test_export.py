@@ -3,12 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 import trimesh
 from labelled_meshes import EMPTY, box, by_side, sphere
 
 from jointsdf.values import LabelledMesh, Unit
-from jointsdf.viewing.export import TENSORBOARD_VERTICES, tensorboard_mesh, write_mesh
+from jointsdf.viewing.export import write_mesh
 from jointsdf.viewing.palette import part_colours
 
 TO_Y_UP = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # (x, y, z) -> (x, z, -y)
@@ -68,24 +67,3 @@ def test_empty_mesh_writes_a_valid_ply_and_labels(tmp_path: Path) -> None:
     assert b"element vertex 0\n" in content
     assert b"element face 0\n" in content
     assert np.load(tmp_path / "labels.npy").shape == (0,)
-
-
-def test_tensorboard_faces_keep_their_colour_and_place() -> None:
-    mesh = LabelledMesh(box(by_side).vertices * [30, 10, 20] + 500, box(by_side).faces, box(by_side).labels)
-    vertices, colours, faces = tensorboard_mesh(mesh)
-    assert vertices.shape == colours.shape == (1, 24, 3)  # 6 sides, 4 corners each
-    assert faces.shape == (1, 12, 3)
-    for corner in range(3):
-        np.testing.assert_array_equal(colours[0][faces[0, :, corner]], part_colours(mesh.labels))
-    np.testing.assert_allclose(vertices[0].min(axis=0), [-1, -1 / 3, -2 / 3], atol=1e-6)
-    np.testing.assert_allclose(vertices[0][faces[0]] * 15 + 500, mesh.vertices[mesh.faces], atol=1e-4)
-
-
-def test_tensorboard_refuses_what_it_would_corrupt() -> None:
-    count = TENSORBOARD_VERTICES // 3 + 1
-    vertices = np.random.default_rng(0).normal(size=(3 * count, 3))
-    faces = np.arange(3 * count).reshape(-1, 3)
-    fits = LabelledMesh(vertices, faces[:-1], np.zeros(count - 1, dtype=np.int64))
-    assert tensorboard_mesh(fits)[0].shape == (1, TENSORBOARD_VERTICES, 3)
-    with pytest.raises(ValueError, match="65538 vertices: TensorBoard shows at most 65535"):
-        tensorboard_mesh(LabelledMesh(vertices, faces, np.zeros(count, dtype=np.int64)))

@@ -7,6 +7,8 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from jointsdf.study.captions import caption
 from jointsdf.study.comparisons import Comparison, compare
@@ -14,6 +16,7 @@ from jointsdf.study.figures.style import STYLE, Drawing, add_legend, head_style,
 from jointsdf.study.groups import Group
 
 BOARD, PREFIX, TOTAL = "tb", "loss/", "total"
+NARROW = 100  # largest over smallest value up to which ticks are at 1, 2 and 5 of each decade
 log = logging.getLogger(__name__)
 
 Curves = dict[str, pd.Series]  # name -> value by step
@@ -74,6 +77,18 @@ def read_curves(folder: Path, prefix: str = PREFIX) -> Curves:
     return curves
 
 
+def _scale_by_decades(ax: Axes) -> None:
+    """Make the y axis logarithmic where all is positive, with plain numbers at its ticks."""
+    values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in ax.lines])
+    if not (values > 0).all():
+        return
+    ax.set_yscale("log")
+    narrow = values.max() < NARROW * values.min()
+    ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if narrow else (1,)))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.yaxis.set_minor_formatter(NullFormatter())
+
+
 def _draw(comparison: Comparison, found: Mapping[str, Sequence[Curves]]) -> Drawing:
     terms = list(dict.fromkeys(term for runs in found.values() for curves in runs for term in curves))
     terms.sort(key=lambda term: term != TOTAL)
@@ -90,10 +105,9 @@ def _draw(comparison: Comparison, found: Mapping[str, Sequence[Curves]]) -> Draw
                 low, middle, high = (lines.quantile(q, axis="columns") for q in (0.25, 0.5, 0.75))
                 ax.fill_between(lines.index, low, high, color=style["color"], alpha=0.15, linewidth=0)
                 ax.plot(lines.index, middle, color=style["color"], linestyle=style["linestyle"], label=head)
-            ax.set_title(term)
+            ax.set_title("total, weighted" if term == TOTAL else term.replace("_", " "))
             ax.set_xlabel("step")
-            if all(np.min(line.get_ydata()) > 0 for line in ax.lines):
-                ax.set_yscale("log")
+            _scale_by_decades(ax)
         for ax in axes[len(terms) :]:
             ax.set_axis_off()
         add_legend(figure, heads, lines=True)

@@ -10,17 +10,19 @@ from matplotlib.axes import Axes
 
 from jointsdf.study.comparisons import Comparison
 from jointsdf.study.figures.style import INK, PALE, dodge, head_style
-from jointsdf.study.statistics import per_shape
+from jointsdf.study.statistics import per_shape, summarise
 from jointsdf.study.tables.columns import Column
 from jointsdf.study.tables.main import PART_COUNTS
 
 LOG_RATIO = 20  # largest over smallest value from which an axis is logarithmic
+MEAN: dict[str, Any] = {"linestyle": "", "markersize": 6, "mec": INK, "mew": 0.8, "clip_on": False}
+MARGIN_STEP = 0.06  # of a panel's side, between the means of two heads
 POINTS: dict[str, Any] = {"linestyle": "", "alpha": 0.75, "mew": 0}
 REFERENCES: dict[str, Any] = {"floor": "--", "ceiling": ":"}  # line styles
 
 
 def draw_boxes(ax: Axes, comparison: Comparison, column: Column) -> None:
-    """Draw a box and every shape's value per head, and the means of floor and ceiling as lines."""
+    """Draw a box and every shape's value per head, and the medians of floor and ceiling as lines."""
     for place, head in enumerate(comparison.heads):
         style = head_style(head, comparison.heads)
         values = np.array([*per_shape(comparison.of(head), column.metric).values()])
@@ -39,8 +41,8 @@ def draw_boxes(ax: Axes, comparison: Comparison, column: Column) -> None:
     for kind, dashes in REFERENCES.items():
         name = f"{column.metric}_{kind}"
         if name in comparison.runs and comparison.runs[name].notna().any():
-            mean = np.nanmean([*per_shape(comparison.runs, name).values()])
-            ax.axhline(float(mean), color=PALE, linestyle=dashes, linewidth=1.0, label=kind)
+            median = np.nanmedian([*per_shape(comparison.runs, name).values()])
+            ax.axhline(float(median), color=PALE, linestyle=dashes, linewidth=1.0, label=kind)
     ax.set_title(column.header)
     ax.set_xticks([])
     ax.grid(visible=False, axis="x")
@@ -64,6 +66,16 @@ def draw_scatter(ax: Axes, comparison: Comparison, x: Column, y: Column, *, erro
     ax.set_xlabel(x.name + x.unit)
     ax.set_ylabel(rf"1 $-$ {y.name}" if error else y.header)
     _log_where_wide(ax, comparison.runs[x.metric])
+
+
+def draw_means(ax: Axes, comparison: Comparison, x: Column, y: Column) -> None:
+    """Mark each head's means at the margins, above and to the right of the panel, in a line of its own."""
+    for place, head in enumerate(comparison.heads):
+        across, up = (summarise(per_shape(comparison.of(head), column.metric).values()).mean for column in (x, y))
+        away = 1.03 + MARGIN_STEP * place
+        style = head_style(head, comparison.heads) | MEAN
+        ax.plot(across, away, transform=ax.get_xaxis_transform(), **style)
+        ax.plot(away, up, transform=ax.get_yaxis_transform(), **style)
 
 
 def _log_where_wide(ax: Axes, values: pd.Series) -> None:

@@ -6,10 +6,10 @@ from matplotlib.ticker import MaxNLocator
 
 from jointsdf.study.captions import caption, describe_machines
 from jointsdf.study.comparisons import Comparison, compare
-from jointsdf.study.figures.panels import REFERENCES, draw_boxes, draw_by_parts, draw_scatter
-from jointsdf.study.figures.style import INK, PALE, STYLE, Drawing, add_legend, head_style, make_panels
+from jointsdf.study.figures.panels import MEAN, REFERENCES, draw_boxes, draw_by_parts, draw_means, draw_scatter
+from jointsdf.study.figures.style import PALE, STYLE, Drawing, add_legend, head_style, make_panels
 from jointsdf.study.groups import Group
-from jointsdf.study.statistics import per_shape, summarise
+from jointsdf.study.statistics import per_shape
 from jointsdf.study.tables.columns import (
     ACC,
     CD_L1,
@@ -30,7 +30,7 @@ BY_PARTS = (CD_L1_OVER_FLOOR, NC, MIOU, MIOU_EXACT)
 
 
 def metric_comparison(group: Group) -> Drawing | None:
-    """Each metric by head: a box and every shape's value, the mean floor or ceiling as a line."""
+    """Each metric by head: a box and every shape's value, the median floor or ceiling as a line."""
     comparison = compare(group, baseline=True)
     columns = [column for column in COMPARED if _has(comparison, column)]
     if not columns or not comparison.shapes:
@@ -46,8 +46,8 @@ def metric_comparison(group: Group) -> Drawing | None:
         add_legend(figure, comparison.heads, others=[line for line in others if line.get_label() in shown])
     what = (
         f"Metrics by head on the {len(comparison.shapes)} shapes that every head was run on: each point a shape, box: "
-        "quartiles and median, whiskers to 1.5 interquartile ranges; dashed: mean of the floor (the ground truth "
-        "against itself), dotted: mean of the ceiling (what grid and face rule alone cost)"
+        "quartiles and median, whiskers to 1.5 interquartile ranges; dashed: median of the floor (the ground truth "
+        "against itself), dotted: median of the ceiling (what grid and face rule alone cost)"
     )
     return Drawing(figure, caption(what, comparison, unequal=False))
 
@@ -68,7 +68,7 @@ def error_scatter(group: Group) -> Drawing | None:
 
 
 def time_quality(group: Group) -> Drawing | None:
-    """Quality over the seconds of a run: a small point per head and shape, a large one per head's mean."""
+    """Quality over the seconds of a run: a point per head and shape, each head's means at the margins."""
     comparison = compare(group, baseline=True)
     columns = [column for column in QUALITY if _has(comparison, column)]
     if not columns or not _has(comparison, SECONDS):
@@ -77,15 +77,12 @@ def time_quality(group: Group) -> Drawing | None:
         figure, axes = make_panels(1, len(columns), 2.9)
         for ax, column in zip(axes, columns, strict=True):
             draw_scatter(ax, comparison, SECONDS, column, error=False)
-            for head in comparison.heads:
-                runs = comparison.of(head)
-                means = [summarise(per_shape(runs, name.metric).values()).mean for name in (SECONDS, column)]
-                style = head_style(head, comparison.heads)
-                ax.plot(*means, marker=style["marker"], color=style["color"], markersize=10, mec=INK, mew=1.0, zorder=5)
-        add_legend(figure, comparison.heads)
+            draw_means(ax, comparison, SECONDS, column)
+        means = Line2D([], [], **(MEAN | {"color": "white", "marker": "o"}), label="means, at the margins")
+        add_legend(figure, comparison.heads, others=[means])
     what = (
-        "Quality over the seconds of a whole run: small, a point per head and shape; large and outlined, a head's "
-        "mean. "
+        "Quality over the seconds of a whole run, a point per head and shape; outlined, above and to the right: each "
+        "head's mean. "
         f"{describe_machines(comparison.runs)}"
     )
     return Drawing(figure, caption(what, comparison, unequal=False))

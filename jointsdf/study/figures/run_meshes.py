@@ -16,6 +16,7 @@ from jointsdf.geometry.mesh import face_areas
 from jointsdf.shapes.labels.columns import read_own_labels
 from jointsdf.shapes.stored import stored_mesh_truth
 from jointsdf.values import LabelledMesh, Shape
+from jointsdf.viewing.error_view import centroids, face_distances
 
 MESH = "mesh.ply"
 
@@ -58,12 +59,12 @@ class Pair:
     @cached_property
     def error(self) -> Float[ndarray, " f"]:
         """Distance of each predicted face's centroid to the ground truth, as a share of its longest side."""
-        return _distances(self.predicted, self.truth.mesh) / self.size
+        return face_distances(self.predicted, self.truth.mesh) / self.size
 
     @cached_property
     def missed(self) -> Float[ndarray, " g"]:
         """Distance of each true face's centroid to the prediction, as a share of the truth's longest side."""
-        return _distances(self.truth.mesh, self.predicted) / self.size
+        return face_distances(self.truth.mesh, self.predicted) / self.size
 
     @cached_property
     def wrong(self) -> Bool[ndarray, " f"]:
@@ -93,13 +94,3 @@ def load_pair(folder: Path, trust: Collection[str] = ()) -> Pair:
         raise InputError(f"{path} is not there")
     _, truth = stored_mesh_truth(folder, trust)
     return Pair(truth, read_own_labels(path))
-
-
-def centroids(mesh: LabelledMesh) -> Float[ndarray, "f 3"]:
-    """Centroid of each face."""
-    middle: ndarray = mesh.vertices[mesh.faces].mean(axis=1)
-    return middle
-
-
-def _distances(of: LabelledMesh, to: LabelledMesh) -> Float[ndarray, " f"]:
-    return ClosestPoint(to).query(centroids(of))[0]

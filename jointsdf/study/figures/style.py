@@ -26,6 +26,7 @@ COLOURS = ("#7a7a7a", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#5
 MARKERS = ("X", "o", "s", "^", "D", "v", "P", "*")
 DASHES = ("-", "-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)))
 PNG_DPI = 200
+ENDINGS = (".pdf", ".png", ".tex")
 NEAR = 0.03  # of the range: points closer than this are shifted apart
 STYLE: Any = {
     "font.family": "sans-serif",
@@ -111,13 +112,13 @@ def dodge(values: Float[ndarray, " n"], width: float) -> Float[ndarray, " n"]:
     return scaled
 
 
-def write_drawing(drawing: Drawing, stem: Path) -> list[Path]:
-    """Write `<stem>.pdf`, `.png` and `.tex`.
+def write_drawing(drawing: Drawing, stem: Path, label: str) -> list[Path]:
+    """Write `<stem>.pdf`, `.png` and `.tex`, whose label is `fig:<label>`, with hyphens for underscores.
 
     Raises:
         OSError: The folder cannot be written.
     """
-    written = [stem.with_name(stem.name + ending) for ending in (".pdf", ".png", ".tex")]
+    written = [stem.with_name(stem.name + ending) for ending in ENDINGS]
     for path in written[:2]:
         content = BytesIO()
         kind = path.suffix[1:]
@@ -125,13 +126,12 @@ def write_drawing(drawing: Drawing, stem: Path) -> list[Path]:
         with mpl.rc_context(STYLE):
             drawing.figure.savefig(content, format=kind, dpi=PNG_DPI, metadata=undated)
         write_atomically(path, content.getvalue())
-    label = stem.name.replace("_", "-")
     lines = [
         r"\begin{figure}[htbp]",
         r"\centering",
         rf"\includegraphics[width=\linewidth]{{{written[0].name}}}",
         rf"\caption{{{escape(drawing.caption)}}}",
-        rf"\label{{fig:{label}}}",
+        rf"\label{{fig:{label.replace('_', '-')}}}",
         r"\end{figure}",
     ]
     write_atomically(written[2], "\n".join(lines) + "\n")

@@ -37,12 +37,16 @@ def escape(text: str) -> str:
 
 
 def cell(summary: Summary, *, digits: int, out_of: int, bold: bool) -> str:
-    """Format `mean ± std`, with n where it is below `out_of`, the table's number of shapes; `--` for n = 0."""
+    """Format `mean ± std`, with n where it is below `out_of`, the table's number of shapes; `--` for n = 0.
+
+    One shape has no spread.
+    """
     if summary.n == 0:
         return MISSING
     mean = f"{summary.mean:.{digits}f}"
     count = f" ($n={summary.n}$)" if summary.n < out_of else ""
-    return (rf"\textbf{{{mean}}}" if bold else mean) + rf" $\pm$ {summary.std:.{digits}f}{count}"
+    spread = "" if math.isnan(summary.std) else rf" $\pm$ {summary.std:.{digits}f}"
+    return (rf"\textbf{{{mean}}}" if bold else mean) + spread + count
 
 
 def mark_best(summaries: Sequence[Summary], *, digits: int, out_of: int, goal: Goal) -> list[bool]:

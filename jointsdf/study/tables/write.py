@@ -67,7 +67,7 @@ def fits(table: str, group: Group) -> bool:
 def write_tables(
     rows: Sequence[ResultRow], outputs: Path, results: Path, heads: Collection[str] | None = None, passed_over: int = 0
 ) -> list[Path]:
-    """Write `tables/` below a folder: `runs.csv`, the tables and `report.tex`; delete tables of groups that are gone.
+    """Write `tables/` below a folder: `runs.csv`, `report.tex` and a folder of tables for each study; delete old ones.
 
     Args:
         rows: At least one.
@@ -91,22 +91,38 @@ def write_tables(
     alone = groups_with_own_tables(groups, related)
     for group in alone:
         for name, build in builds.items():
-            if fits(name, group) and (table := build(group, name + group.suffix)):
-                written += _write(table, folder / (name + group.suffix))
+            if fits(name, group) and (table := build(group, group.label(name))):
+                written += _write(table, folder / group.folder / (name + group.suffix))
     for family in related:
         name = VARIANTS + family.group.suffix
-        written += _write(paired_tests.variants(family, name), folder / name)
-    for name in (*builds, VARIANTS):
-        old = {folder / (name + ending) for ending in ENDINGS} | set(folder.glob(f"{name}{SUFFIX}*"))
-        for path in old - set(written):
-            path.unlink(missing_ok=True)
-    tables = [Path(path.name) for path in written if path.suffix == ".tex"]
-    figures = [Path("..", FIGURES, path.name) for path in sorted((outputs / FIGURES).glob("*.tex"))]
+        written += _write(paired_tests.variants(family, name), folder / family.group.folder / name)
+    remove_old(folder, (*builds, VARIANTS), ENDINGS, written)
+    tables = [path.relative_to(folder) for path in written if path.suffix == ".tex"]
+    drawn = outputs / FIGURES
+    figures = [Path("..", FIGURES, path.relative_to(drawn)) for path in sorted(drawn.glob("*/*.tex"))]
     kinds = [*builds, VARIANTS, *dict.fromkeys(path.stem.partition(SUFFIX)[0] for path in figures)]
     write_atomically(
         folder / DOCUMENT, build_document([*alone, *(family.group for family in related)], tables + figures, kinds)
     )
     return [*written, folder / DOCUMENT]
+
+
+def remove_old(folder: Path, names: Collection[str], endings: Collection[str], written: Collection[Path]) -> None:
+    """Delete the files of groups that are gone, of this layout and the one before, and study folders without any.
+
+    Args:
+        folder: Of tables or figures.
+        names: Of tables or figures, without the suffix of a group.
+        endings: Of their files.
+        written: The files to keep.
+    """
+    places = [folder, *(path for path in folder.glob("*") if path.is_dir() and not path.is_symlink())]
+    for place in places:
+        old = {place / (name + ending) for name in names for ending in endings}
+        for path in old.union(*(place.glob(f"{name}{SUFFIX}*") for name in names)) - set(written):
+            path.unlink(missing_ok=True)
+        if place != folder and not any(place.iterdir()):
+            place.rmdir()
 
 
 def _write(table: Table, stem: Path) -> list[Path]:

@@ -19,7 +19,7 @@ def test_the_command_writes_what_it_can_and_says_what_it_cannot(
     with caplog.at_level(logging.INFO):
         assert main([str(tmp_path), "--results", str(tmp_path / "none")]) == 0
     made = ("metric_comparison", "error_scatter", "time_quality", "part_count_plot")
-    folder = tmp_path / "figures"
+    folder = tmp_path / "figures" / "main"
     assert {path.name for path in folder.iterdir()} == {f"{n}.{e}" for n in made for e in ("pdf", "png", "tex")}
     for name in made:
         assert (folder / f"{name}.pdf").read_bytes().startswith(b"%PDF")

@@ -6,11 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drawings import HEADS, points, rows, texts
+from matplotlib.axes import Axes
 from study_rows import make_row
 
 from jointsdf.study.collect import collect
 from jointsdf.study.figures.plots import error_scatter, metric_comparison, part_count, time_quality
+from jointsdf.study.figures.style import INK
 from jointsdf.study.groups import Group, group_runs
+
+
+def mean_places(ax: Axes) -> list[tuple[float, float]]:
+    """Places of the outlined markers, two for each head."""
+    return [tuple(map(float, line.get_xydata()[0])) for line in ax.lines if line.get_markeredgecolor() == INK]
 
 
 def test_metric_comparison_shows_every_value_by_head(group: Group) -> None:
@@ -44,10 +51,10 @@ def test_time_quality_has_each_run_and_each_mean(group: Group) -> None:
     drawing = time_quality(group)
     assert drawing is not None
     assert [x for x, _ in points(drawing.figure, 1, "siren")] == [1.0, 11.0, 21.0, 31.0]
-    large = [line.get_xydata()[0] for line in drawing.figure.axes[1].lines if line.get_markersize() > 6]
-    assert [tuple(map(float, point)) for point in large] == [
-        pytest.approx((15.0 + h, 0.8 + 0.01 * h)) for h in range(3)
-    ]
+    places = mean_places(drawing.figure.axes[1])
+    assert places[::2] == [pytest.approx((15.0 + h, 1.03 + 0.06 * h)) for h in range(3)]  # above: seconds
+    assert places[1::2] == [pytest.approx((1.03 + 0.06 * h, 0.8 + 0.01 * h)) for h in range(3)]  # to the right
+    assert "means, at the margins" in texts(drawing.figure)
     assert "Measured on: a machine" in drawing.caption
 
 
@@ -59,8 +66,8 @@ def test_time_quality_leaves_out_the_labels_of_a_baseline_without_any() -> None:
     (group,) = group_runs(collect([*rows(), *flat]))
     drawing = time_quality(group)
     assert drawing is not None
-    large = [line.get_xydata()[0] for line in drawing.figure.axes[1].lines if line.get_markersize() > 6]
-    assert [bool(np.isfinite(point).all()) for point in large] == [False, True, True, True]
+    places = mean_places(drawing.figure.axes[1])
+    assert [bool(np.isfinite(place).all()) for place in places[1::2]] == [False, True, True, True]
 
 
 def test_part_count_has_a_mean_in_each_range(group: Group) -> None:

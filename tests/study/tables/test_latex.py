@@ -23,6 +23,7 @@ def test_escape_keeps_the_letters_that_latex_sets() -> None:
 def test_cell_says_when_shapes_are_missing() -> None:
     assert cell(Summary(3, 0.12345, 0.1), digits=3, out_of=3, bold=False) == r"0.123 $\pm$ 0.100"
     assert cell(Summary(2, 0.12345, 0.1), digits=2, out_of=3, bold=True) == r"\textbf{0.12} $\pm$ 0.10 ($n=2$)"
+    assert cell(Summary(1, 0.12345, NAN), digits=2, out_of=1, bold=False) == "0.12"
     assert cell(Summary(0, NAN, NAN), digits=2, out_of=3, bold=False) == "--"
 
 
@@ -35,7 +36,7 @@ def test_best_is_by_direction_as_printed_among_complete_means() -> None:
 
 
 def test_every_tex_is_balanced_booktabs(outputs: Path) -> None:
-    files = [path for path in (outputs / "tables").glob("*.tex") if path.stem != "report"]
+    files = [path for path in (outputs / "tables").glob("*/*.tex") if path.stem != "report"]
     assert {"paired_reconstruction", "correlation", "part_count", "cost"} < {path.stem for path in files}
     for path in files:
         text = path.read_text(encoding="utf-8")

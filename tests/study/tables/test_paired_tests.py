@@ -53,7 +53,7 @@ def test_a_baseline_of_another_study_is_borrowed_for_the_paired_table_alone(tmp_
     text = read_tex(tmp_path, "paired_reconstruction")
     assert "Runs of none: study paired." in text
     assert r"Left out: abc\_0003 (no none)." in text
-    assert line(read_table(tmp_path, "main_reconstruction"), "relu")["n"] == 4
+    assert line(read_table(tmp_path, "main/main_reconstruction"), "relu")["n"] == 4
 
 
 def test_every_two_heads_are_compared_on_the_labels_too(eight: Path) -> None:
@@ -115,4 +115,4 @@ def test_variants_are_compared_with_the_first_on_the_shapes_of_all(tmp_path: Pat
     assert "variant tap=2; tap=3; tap=10, ABC" in text
     assert "Each variant minus siren (tap=2) on the same 3 shapes" in text
     assert r"Left out: abc\_0003 (no siren (tap=3))." in text
-    assert rf"\input{{{name}.tex}}" in (tmp_path / "tables" / "report.tex").read_text()
+    assert rf"\input{{tap/{name}.tex}}" in (tmp_path / "tables" / "report.tex").read_text()
