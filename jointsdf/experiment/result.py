@@ -1,5 +1,6 @@
 """Result row, pictures and last TensorBoard entries of a finished run."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,8 @@ from jointsdf.evaluation.protocol import Scores
 from jointsdf.experiment.data_settings import sample_settings
 from jointsdf.experiment.tensorboard import log_result
 from jointsdf.model.field import JointField
-from jointsdf.phases import tell
+from jointsdf.phases import phase, tell
+from jointsdf.runs.files import write_atomically
 from jointsdf.runs.records import HOLDOUT
 from jointsdf.runs.row import Fact, ResultRow
 from jointsdf.shapes.clouds.report import CloudReport
@@ -17,6 +19,9 @@ from jointsdf.shapes.mesh_report import MeshReport
 from jointsdf.training.fit import tensorboard_logger
 from jointsdf.training.hardware import peak_memory_mb
 from jointsdf.values import LabelledMesh, Scan, Subject
+from jointsdf.viewing.page.run_page import REPORT, write_run_page
+from jointsdf.viewing.page.scene import Fit
+from jointsdf.viewing.page.stored_runs import WARNINGS
 from jointsdf.viewing.points import beside_fit, what_is_given
 from jointsdf.viewing.render import write_png
 from jointsdf.viewing.slice import render_slice
@@ -56,6 +61,27 @@ def save_pictures(
     tell(2, facts="TensorBoard")
     settings = {"recipe": cfg.recipe, "head": cfg.head.name, "shape": shape.name, "seed": cfg.seed}
     log_result(tensorboard_logger(folder), field, mesh, pictures, settings, scores, cfg.trainer.max_steps)
+
+
+def save_page(
+    folder: Path, shape: Subject, mesh: LabelledMesh, field: JointField, row: ResultRow, warnings: Sequence[str]
+) -> None:
+    """Write `report.html`, which shows the run in a browser, and what it warned of to `warnings.txt`.
+
+    The row is on the disk before; its seconds do not include those of the page, which says them itself.
+
+    Args:
+        folder: The run folder.
+        shape: Mesh or point cloud.
+        mesh: Extracted mesh, file frame.
+        field: The fitted field.
+        row: The run's row.
+        warnings: A line each.
+    """
+    with phase("page", REPORT):
+        if warnings:
+            write_atomically(folder / WARNINGS, "".join(f"{line}\n" for line in warnings))
+        write_run_page(folder / REPORT, shape, [(Fit(row.head, mesh, field), row)], warnings=warnings)
 
 
 def data_facts(cfg: DictConfig, shape: Subject) -> dict[str, Fact]:
