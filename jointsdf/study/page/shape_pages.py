@@ -22,7 +22,7 @@ from jointsdf.viewing.points import draw_points
 from jointsdf.viewing.raycast import fit_camera_to_points
 from jointsdf.viewing.render import AZIMUTH, ELEVATION, render, write_png
 
-DETAIL = Detail(faces=8_000, grid=28, truth_grid=24, points=15_000)  # 50 shapes by 5 heads in 60 MB
+DETAIL = Detail(faces=8_000, grid=28, truth_grid=24, points=12_000)  # 50 shapes by 5 heads in 60 MB
 LIBRARY, SHAPES, PICTURES = "library.js", "shapes", "pictures"
 WIDTH, HEIGHT, SHADES = 128, 96, 48  # of a thumbnail: pixels, colours
 MOST_NAME = 60  # characters of a shape in the name of its page

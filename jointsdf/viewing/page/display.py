@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from jointsdf.extraction.flat_regions import collapse_edges, merge_flat_regions
@@ -14,7 +14,8 @@ from jointsdf.values import LabelledMesh
 
 FIRST = 2e-4  # of the longest side: tolerance of the first merging; the library moves the surface by some of them
 GROWTH, MERGINGS = 2.0, 5  # of the tolerance from one merging to the next; their number
-LONGEST = 1 / 16  # edge, of the longest side
+FINEST, SHORTENING = 1 / 40, 0.7  # longest edge that is still halved, of the longest side; from one round to the next
+SPLIT = 1.3  # faces after the halving, of those asked for
 PROBES = 10_000  # points of each surface whose distance from the other is measured, at most
 
 
@@ -25,6 +26,7 @@ class Display:
     Attributes:
         mesh: File frame, labelled as the full one.
         moved: Largest distance found between it and the full surface, file units; 0 for the full one.
+        longest: Edge of its faces, file units: so far apart are the places at which errors are known.
         full_faces: Faces of the full surface.
         lines: Vertices at the ends of creases and part borders, once for each part at them.
         line_parts: Part of each line.
@@ -32,13 +34,14 @@ class Display:
 
     mesh: LabelledMesh
     moved: float
+    longest: float
     full_faces: int
     lines: Int[ndarray, "l 2"]
     line_parts: Int[ndarray, " l"]
 
 
 def display(mesh: LabelledMesh, most_faces: int, full: ClosestPoint | None = None) -> Display:
-    """Merge faces of nearly flat regions until there are few, then bisect the long ones.
+    """Merge faces of nearly flat regions until there are few, then halve the long ones.
 
     The distance is measured from vertices of the full surface, and back from middles of the faces shown.
 
@@ -58,13 +61,41 @@ def display(mesh: LabelledMesh, most_faces: int, full: ClosestPoint | None = Non
             break
         shown = merged
     moved = 0.0 if shown is mesh else _distance(mesh, full or ClosestPoint(mesh), shown)
-    pieces, face = split_long_faces(shown.vertices[shown.faces].astype(np.float64), LONGEST * size)
+    pieces, face, longest = _split(shown.vertices[shown.faces].astype(np.float64), size, int(SPLIT * most_faces))
     lines, parts = _lines(shown, REACH * size)
     rows = np.concatenate([pieces.reshape(-1, 3), shown.vertices[lines].reshape(-1, 3)])
-    _, first, number = np.unique(rows.view("V24").reshape(-1), return_index=True, return_inverse=True)
+    vertices, number = _numbered(rows)
     faces, ends = np.split(number, [pieces.size // 3])
-    split = LabelledMesh(rows[first], faces.reshape(-1, 3), shown.labels[face])
-    return Display(split, moved, len(mesh.faces), ends.reshape(-1, 2), parts)
+    split = LabelledMesh(vertices, faces.reshape(-1, 3), shown.labels[face])
+    return Display(split, moved, longest, len(mesh.faces), ends.reshape(-1, 2), parts)
+
+
+def _split(
+    corners: Float[ndarray, "f 3 3"], size: float, most: int
+) -> tuple[Float[ndarray, "p 3 3"], Int[ndarray, " p"], float]:
+    """Halve the longest edges first, as long as the faces are not too many.
+
+    Returns:
+        The pieces, the face of each, in their order, and the longest edge.
+    """
+    face, longest = np.arange(len(corners)), size
+    while longest > FINEST * size:
+        longest *= SHORTENING
+        pieces, of = split_long_faces(corners, longest)
+        if len(pieces) > most:
+            break
+        order = np.argsort(face[of], kind="stable")
+        corners, face = pieces[order], face[of][order]
+    return corners, face, float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
+
+
+def _numbered(rows: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, "v 3"], Int[ndarray, " n"]]:
+    """The different rows in the order of their first use, and the number of each: neighbours are near, for gzip."""
+    _, first, number = np.unique(rows.view("V24").reshape(-1), return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    places = np.zeros(len(order), dtype=np.int64)
+    places[order] = np.arange(len(order))
+    return rows[first[order]], places[number]
 
 
 def _distance(mesh: LabelledMesh, full: ClosestPoint, shown: LabelledMesh) -> float:

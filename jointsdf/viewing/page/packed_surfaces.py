@@ -61,7 +61,12 @@ def pack_mesh(shown: Display, parts: Int[ndarray, " k"], more: dict[str, ndarray
     part = np.searchsorted(parts, shown.mesh.labels)
     arrays = {"vertices": steps, "faces": smallest(shown.mesh.faces), "parts": smallest(part), **more}
     arrays |= {"lines": smallest(shown.lines), "line_parts": smallest(np.searchsorted(parts, shown.line_parts))}
-    size = {"faces": len(shown.mesh.faces), "full_faces": shown.full_faces, "moved": shown.moved}
+    size = {
+        "faces": len(shown.mesh.faces),
+        "full_faces": shown.full_faces,
+        "moved": shown.moved,
+        "longest": shown.longest,
+    }
     return {"kind": "mesh", "box": box, "arrays": pack(arrays), **size}
 
 

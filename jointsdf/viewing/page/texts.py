@@ -84,5 +84,6 @@ def accuracy(surface: Mapping[str, Any], scene: Scene) -> str:
         )
         text += " side) from the full mesh, mesh.ply. Errors are distances of the full mesh."
     grid = surface["field"]
+    text += f" Errors are known at places up to {plain(surface['longest'], 2)} {unit} apart, and interpolated between."
     error = f"{plain(grid['near_p99'], 2)} {unit}"
     return f"{text} Isolines from {grid['count']}³ values, 99% of them within {error} near the surface."

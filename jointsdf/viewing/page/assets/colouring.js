@@ -57,7 +57,7 @@ export class Colouring {
       part: (face, vertex, part) => (surface.arrays.own ? surface.arrays.own.subarray(3 * face, 3 * face + 3) : parts[part]),
       error: (face, vertex) => { const value = this.error(surface, vertex); return scaled("diverging", value, 0.5 + value / end / 2); },
       wrong: (face) => (this.wrong(surface, face) ? WRONG : RIGHT),
-      normal: (face) => { const value = this.normal(surface, face); return scaled("sequential", value, value / end); },
+      normal: (face) => { const value = this.normal(surface, face); return scaled("bend", value, value / end); },
       head: () => own,
     }[mode];
     if (this.picked === null) return plain;
@@ -73,7 +73,7 @@ export class Colouring {
 
   legend() {
     const { mode, end, data } = this;
-    const scale = mode === "error" ? "diverging" : mode === "normal" ? "sequential" : null;
+    const scale = mode === "error" ? "diverging" : mode === "normal" ? "bend" : null;
     byId("scale").hidden = scale === null;
     byId("clip").disabled = scale === null;
     if (scale) {

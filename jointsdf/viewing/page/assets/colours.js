@@ -6,8 +6,9 @@ const SEQUENTIAL = "00224e 123570 3b496c 575d6d 707173 8a8678 a59c74 c3b369 e1cc
 export const RIGHT = [222, 222, 222];
 export const WRONG = [213, 94, 0];
 
+const BEND = "f7f7f7 fee8b6 fec44f fe9929 ec7014 b34a02 662506"; // after ColorBrewer's YlOrBr
 const stops = (text) => text.split(" ").map(hexBytes);
-const SCALES = { diverging: stops(DIVERGING), sequential: stops(SEQUENTIAL) };
+const SCALES = { diverging: stops(DIVERGING), sequential: stops(SEQUENTIAL), bend: stops(BEND) };
 
 export function hexBytes(hex) {
   const number = parseInt(hex.replace("#", ""), 16);

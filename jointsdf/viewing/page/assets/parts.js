@@ -23,13 +23,20 @@ export class PartTable {
     this.request();
   }
 
+  // Scroll the controls, but not the page, to a row.
+  reveal(row) {
+    const controls = document.querySelector(".controls");
+    const [outer, inner] = [controls, row].map((element) => element.getBoundingClientRect());
+    controls.scrollTop += Math.max(inner.bottom - outer.bottom, 0) - Math.max(outer.top - inner.top, 0);
+  }
+
   pick(part) {
     this.colouring.picked = part;
     this.rows.forEach((row, other) => {
       row.classList.toggle("picked", other === part);
       row.querySelector("button").setAttribute("aria-pressed", String(other === part));
     });
-    if (part !== null) this.rows[part].scrollIntoView({ block: "nearest" });
+    if (part !== null) this.reveal(this.rows[part]);
     this.colouring.update();
   }
 }

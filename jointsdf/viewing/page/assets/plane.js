@@ -46,12 +46,15 @@ export class FieldGrid {
     Object.assign(this.texture, { minFilter: THREE.LinearFilter, magFilter: THREE.LinearFilter, needsUpdate: true });
   }
 
-  // The field at a place about the middle, by trilinear interpolation; NaN outside the grid.
+  covers(place) {
+    return new THREE.Box3(this.low, this.high).expandByScalar(1e-6 * this.packed.largest).containsPoint(place);
+  }
+
+  // The field at a place within, by trilinear interpolation.
   at(place) {
     const share = place.clone().sub(this.low).divide(this.high.clone().sub(this.low)).multiplyScalar(this.count - 1);
     const cell = share.toArray().map((value) => Math.min(Math.max(Math.floor(value), 0), this.count - 2));
     const within = share.toArray().map((value, axis) => value - cell[axis]);
-    if (within.some((value) => value < -0.01 || value > 1.01)) return NaN;
     let sum = 0;
     for (let corner = 0; corner < 8; corner++) {
       const bits = [corner & 1, (corner >> 1) & 1, corner >> 2];

@@ -93,7 +93,7 @@ export class Views {
     ray.setFromCamera(new THREE.Vector2(...place), this.camera);
     ray.layers.set(panel + 1);
     ray.params.Points.threshold = 0.008 * this.radius;
-    const hit = ray.intersectObjects(objects).find((found) => found.object.userData.grid || kept(found.point));
+    const hit = ray.intersectObjects(objects).find((found) => found.object.userData.grid?.covers(found.point) ?? kept(found.point));
     return hit ? { panel, object: hit.object, point: hit.point, face: hit.faceIndex ?? null, index: hit.index ?? null } : null;
   }
 }
