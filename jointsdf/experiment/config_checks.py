@@ -20,7 +20,7 @@ OPTIONAL = (  # where the chosen group has them
     *("loss.terms.sign_agnostic.alpha", "loss.terms.divergence.low", "loss.terms.divergence.high"),
 )
 RATES = ("optimizer.lr", "optimizer.muon_lr")  # torch's optimizers name no key
-CHOICES = {"resume": ("auto", "never"), "force": (True, False), "reuse": (True, False)}
+CHOICES = {"resume": ("auto", "never"), "force": (True, False), "reuse": (True, False), "viewing.page": (True, False)}
 NAMES = ("study", "variant", "recipe")
 
 

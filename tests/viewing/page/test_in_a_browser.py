@@ -52,8 +52,10 @@ def change(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def put(tab: Tab, selector: str, value: str, kind: str = "input") -> None:
-    tab.run(f"(() => {{ const it = document.querySelector('{selector}'); it.value = '{value}';"
-            f"it.dispatchEvent(new Event('{kind}')); }})()")
+    tab.run(
+        f"(() => {{ const it = document.querySelector('{selector}'); it.value = '{value}';"
+        f"it.dispatchEvent(new Event('{kind}')); }})()"
+    )
 
 
 def click_until(tab: Tab, panel: int, word: str) -> str:
@@ -114,8 +116,10 @@ def test_a_page_is_used(tab: Tab, page: Path) -> None:
 
     before = panels(tab)
     assert change(truth, before[0]) == 0
-    middle = tab.run("(() => { const box = document.getElementById('views').getBoundingClientRect();"
-                     "return [(box.left + box.right) / 2 + 80, (box.top + box.bottom) / 2]; })()")
+    middle = tab.run(
+        "(() => { const box = document.getElementById('views').getBoundingClientRect();"
+        "return [(box.left + box.right) / 2 + 80, (box.top + box.bottom) / 2]; })()"
+    )
     tab.mouse("mousePressed", *middle, button="left", buttons=1, clickCount=1)
     tab.mouse("mouseMoved", middle[0] + 60, middle[1] + 20, button="left", buttons=1)
     tab.mouse("mouseReleased", middle[0] + 60, middle[1] + 20, button="left")

@@ -72,8 +72,10 @@ function wirePlane({ views, grids, materials }) {
       const k = "xyz".indexOf(axis.value);
       const half = (data.box.high[k] - data.box.low[k]) / 2;
       const along = (data.box.high[k] + data.box.low[k]) / 2 - middle[k] + Number(place.value) * half * 1.05;
-      cut.normal.set(0, 0, 0).setComponent(k, flip.checked ? 1 : -1);
-      cut.constant = flip.checked ? -along : along;
+      const away = views.direction.getComponent(k) < 0 ? 1 : -1; // the section faces the first view
+      const side = flip.checked ? -away : away;
+      cut.normal.set(0, 0, 0).setComponent(k, side);
+      cut.constant = -side * along;
       materials.cuts.push(cut);
       grids.forEach((grid) => grid.move(k, along));
       text.textContent = `${axis.value} = ${digits(along + middle[k], 4)} ${data.unit}`;

@@ -9,7 +9,8 @@ const HEADLIGHT = new THREE.Vector3(-0.35, 0.5, 1); // in the camera's frame
 export class Views {
   // `panels` are the elements over the canvas, panel k showing layer k + 1; `radius` is that of what is shown.
   constructor(container, canvas, panels, radius, up) {
-    Object.assign(this, { container, panels, radius, up, hidden: new Set(), scene: new THREE.Scene() });
+    Object.assign(this, { container, panels, radius, scene: new THREE.Scene(), direction: DIRECTION.clone().normalize() });
+    if (up === "y") this.direction.set(this.direction.x, this.direction.z, -this.direction.y);
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true }); // kept for print
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.localClippingEnabled = true;
@@ -26,9 +27,7 @@ export class Views {
   }
 
   reset() {
-    const direction = DIRECTION.clone();
-    if (this.up === "y") direction.set(DIRECTION.x, DIRECTION.z, -DIRECTION.y);
-    this.camera.position.copy(direction.normalize().multiplyScalar(4 * this.radius));
+    this.camera.position.copy(this.direction).multiplyScalar(4 * this.radius);
     this.camera.zoom = 1;
     this.controls.target.set(0, 0, 0);
     Object.assign(this.camera, { near: 0.1 * this.radius, far: 12 * this.radius });
