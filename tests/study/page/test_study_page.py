@@ -122,7 +122,7 @@ def test_the_study_in_a_browser(tmp_path: Path) -> None:
         assert "seed 0" in tab.run("document.getElementById('plot-tip').textContent")
         assert tab.errors == []
         tab.open(tmp_path / "runs" / "index.html", width=1200, height=900)
-        assert tab.run("document.querySelector('#grid img').complete")
+        assert tab.run("document.querySelector('#grid img').decode().then(() => true)")
         link = tab.run("document.querySelector('#grid a').getAttribute('href')")
         tab.open(tmp_path / "runs" / link, width=1200, height=900)
         assert tab.run("document.body.dataset.state") == "ready"
