@@ -13,7 +13,7 @@ STAMP := $(VENV)/.complete
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup peers demo test fuzz power-cuts load test-slurm lint train sweep results tables figures report abc bench docs lock clean
+.PHONY: help setup peers demo test fuzz power-cuts load test-slurm lint train sweep results tables figures report report-html abc bench docs lock clean
 
 help: ## List these commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' Makefile
@@ -54,6 +54,9 @@ figures: setup ## Figures (.pdf and .png) of the studies below outputs/, in outp
 
 report: figures ## All tables and figures in one document, outputs/tables/report.pdf (needs LaTeX)
 	$(RUN) -m jointsdf.study report $(ARGS)
+
+report-html: setup ## Page of STUDY=main for a browser, outputs/pages/<study>/index.html; 3D where the run folders are
+	$(RUN) -m jointsdf.study.page --study $(STUDY) $(ARGS)
 
 abc: setup ## The catalogue's ABC shapes into data/abc, from a download or ARGS="--from DIR"; ARGS=--help tells more
 	$(RUN) -m jointsdf.shapes.abc prepare $(ARGS)

@@ -9,11 +9,11 @@ PAGE = ROOT / "docs" / "licences.md"
 LOCK, PEERS = ROOT / "requirements.lock", ROOT / "requirements-peers.lock"
 HEAD = """# Licences
 
-`jointsdf` itself is under the MIT licence. `make setup` installs these packages from the registry, each under its own
-licence; none is copied into this project. **use**: the package needs it, and it comes with `pip install .` as well;
-development: tests, types and documentation alone; peers: of `make peers` alone, for `python -m benchmarks peers`
-([peers](peers.md)). Written by `python docs/licences.py` from the metadata of what is installed; packages that are not,
-such as those of other systems, keep the licence that this page had, if any.
+`jointsdf` itself is under the MIT licence; copied into it is three.js alone (`jointsdf/viewing/page/assets/three/`,
+MIT). `make setup` installs these packages from the registry, each under its own licence. **use**: the package needs it,
+and it comes with `pip install .` as well; development: tests, types and documentation alone; peers: of `make peers`
+alone, for `python -m benchmarks peers` ([peers](peers.md)). Written by `python docs/licences.py` from the metadata of
+what is installed; packages that are not, such as those of other systems, keep the licence that this page had, if any.
 
 | package | version | licence | needed for |
 |---|---|---|---|

@@ -159,6 +159,7 @@ _command(
 )
 _command("study", "Tables, status and committed rows of a study.", _main_of("jointsdf.study.__main__"))
 _command("figures", "Figures of the runs.", _main_of("jointsdf.study.figures.__main__"))
+_command("view", "Show runs or a study in a browser.", _main_of("jointsdf.study.page.__main__"))
 _command("abc", "Download and convert the catalogue's ABC shapes.", _main_of("jointsdf.abc_dataset.command"))
 _command("labels", "Import and check part labels.", _main_of("jointsdf.shapes.labels.__main__"))
 for asking in COMMANDS:

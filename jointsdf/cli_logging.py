@@ -77,6 +77,30 @@ def log_to_stderr(quiet: bool) -> Iterator[None]:
             ours.setLevel(level)
 
 
+class _Warnings(logging.Handler):
+    """Handler that keeps the warnings."""
+
+    def __init__(self, into: list[str]) -> None:
+        super().__init__(logging.WARNING)
+        self.into = into
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a warning as one line."""
+        if record.levelno == logging.WARNING:
+            self.into.append(" ".join(self.format(record).split()))
+
+
+@contextmanager
+def warnings_kept(into: list[str]) -> Iterator[None]:
+    """Add what the package warns of within the block to a list, a line each."""
+    ours, handler = logging.getLogger("jointsdf"), _Warnings(into)
+    ours.addHandler(handler)
+    try:
+        yield
+    finally:
+        ours.removeHandler(handler)
+
+
 @contextmanager
 def log_levels(levels: Mapping[str, int]) -> Iterator[None]:
     """Set levels of loggers by name within the block."""

@@ -33,6 +33,7 @@ FILES = {  # of a finished run's folder
 }
 QUICK = (  # a run of about two seconds; the mesh is worthless
     "recipe=smoke",
+    "viewing.page=false",
     "trainer.max_steps=4",
     "trainer.preview_every=0",
     "trainer.preview_resolution=12",

@@ -25,6 +25,7 @@ CHOICES = {
     "force": (True, False),
     "reuse": (True, False),
     "part_solids": (None, "ply", "stl"),
+    "viewing.page": (True, False),
 }
 NAMES = ("study", "variant", "recipe")
 

@@ -1,6 +1,7 @@
 """Result row, pictures and last log entries of a finished run."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ from jointsdf.experiment.settings import resolve
 from jointsdf.experiment.summary import three_numbers
 from jointsdf.experiment.tensorboard import Finished, log_result
 from jointsdf.model.field import JointField
-from jointsdf.phases import tell
+from jointsdf.phases import phase, tell
+from jointsdf.runs.files import write_atomically
 from jointsdf.runs.records import HOLDOUT
 from jointsdf.runs.row import Fact, ResultRow
 from jointsdf.shapes.clouds.report import CloudReport
@@ -20,6 +22,9 @@ from jointsdf.shapes.mesh_report import MeshReport
 from jointsdf.training.hardware import peak_memory_mb
 from jointsdf.values import LabelledMesh, Scan, Subject
 from jointsdf.viewing.error_view import error_colours
+from jointsdf.viewing.page.run_page import REPORT, write_run_page
+from jointsdf.viewing.page.scene import Fit
+from jointsdf.viewing.page.stored_runs import WARNINGS
 from jointsdf.viewing.points import beside_fit, what_is_given
 from jointsdf.viewing.render import notice, write_png
 from jointsdf.viewing.slice import render_slice
@@ -79,6 +84,27 @@ def hparams(cfg: DictConfig, shape: Subject) -> dict[str, Fact]:
     weights = {f"weight/{term}": weight for term, weight in resolve(cfg.loss)["weights"].items()}
     plain = {name: w if isinstance(w, int | float) else json.dumps(w) for name, w in weights.items()}
     return {**named, "shape": shape.name, "seed": cfg.seed, "steps": cfg.trainer.max_steps, **plain}
+
+
+def save_page(
+    folder: Path, shape: Subject, mesh: LabelledMesh, field: JointField, row: ResultRow, warnings: Sequence[str]
+) -> None:
+    """Write `report.html`, which shows the run in a browser, and what it warned of to `warnings.txt`.
+
+    The row is on the disk before; its seconds do not include those of the page, which says them itself.
+
+    Args:
+        folder: The run folder.
+        shape: Mesh or point cloud.
+        mesh: Extracted mesh, file frame.
+        field: The fitted field.
+        row: The run's row.
+        warnings: A line each.
+    """
+    with phase("page", REPORT):
+        if warnings:
+            write_atomically(folder / WARNINGS, "".join(f"{line}\n" for line in warnings))
+        write_run_page(folder / REPORT, shape, [(Fit(row.head, mesh, field), row)], warnings=warnings)
 
 
 def data_facts(cfg: DictConfig, shape: Subject) -> dict[str, Fact]:

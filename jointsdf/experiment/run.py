@@ -7,6 +7,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
+from jointsdf.cli_logging import warnings_kept
 from jointsdf.data.datamodule import ShapeDataModule
 from jointsdf.data.point_cloud import Cloud
 from jointsdf.evaluation.protocol import Scores
@@ -14,11 +15,11 @@ from jointsdf.experiment import build
 from jointsdf.experiment.existing_row import find_row
 from jointsdf.experiment.measurement import EXTRACTING, MEASURING, extract, measure
 from jointsdf.experiment.process import process_settings
-from jointsdf.experiment.result import data_facts, primary_scores, result_row, save_pictures
+from jointsdf.experiment.result import data_facts, primary_scores, result_row, save_page, save_pictures
 from jointsdf.experiment.settings import folder_of, resolve_settings, shared_settings, trusted
 from jointsdf.experiment.solids import save_solids
 from jointsdf.experiment.stopwatch import Stopwatch
-from jointsdf.experiment.summary import describe, files_to_open, summary
+from jointsdf.experiment.summary import last_lines, summary
 from jointsdf.experiment.tensorboard import preview_factory
 from jointsdf.extraction.resolution import cell_size, grid_warnings
 from jointsdf.model.field import JointField
@@ -120,9 +121,10 @@ def fit_shape(
     settings, fingerprint = resolve_settings(cfg, shape, rate)
     if row := find_row(cfg, folder, settings, fingerprint, shape.unit.name, wait=wait):
         return Outcome(row)
-    with watch("prepare", "points, labels and distances"):
+    warned: list[str] = []
+    with watch("prepare", "points, labels and distances"), warnings_kept(warned):
         prepared = _prepare(cfg, shape, draw_cloud(), rate)
-    with lock(folder, wait=wait):
+    with lock(folder, wait=wait), warnings_kept(warned):
         if row := run_folder.finished_row(folder, fingerprint, force=cfg.force, reuse=cfg.reuse, trust=trusted(cfg)):
             log.info(summary(row, cfg.evaluation.primary, folder))
             return Outcome(row)  # made by the process that was waited for
@@ -145,9 +147,14 @@ def fit_shape(
         )
         row = result_row(cfg, shape, report, field, mesh, scores, watch.seconds, facts)
         write_row(folder, row)
+        if keep_files and cfg.viewing.page:
+            save_page(folder, shape, mesh, field, row, warned)
         (folder / run_folder.CHECKPOINT).unlink(missing_ok=True)
         status.end(folder)
-    _log_outcome(cfg, row, folder if keep_files else None, measures, shape, mesh)
+    for line in last_lines(
+        row, cfg.evaluation.primary, folder if keep_files else None, measures.protocols, shape, mesh
+    ):
+        log.info(line)
     return Outcome(row, field, mesh)
 
 
@@ -189,12 +196,3 @@ def _measure(
             save_pictures(cfg, folder, shape, mesh, field, primary_scores(cfg, scores), measures.extraction.resolution)
             save_solids(cfg, folder, shape, mesh, field)
     return measures, mesh, scores
-
-
-def _log_outcome(
-    cfg: DictConfig, row: ResultRow, folder: Path | None, measures: build.Measures, shape: Subject, mesh: LabelledMesh
-) -> None:
-    files = files_to_open(folder) if folder and not mesh.is_empty else ""
-    for line in (summary(row, cfg.evaluation.primary, folder), describe(row, measures.protocols, shape, mesh), files):
-        if line:
-            log.info(line)

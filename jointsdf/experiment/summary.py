@@ -12,8 +12,22 @@ from jointsdf.evaluation.protocol import Protocol, bounding_frame
 from jointsdf.runs.records import HOLDOUT
 from jointsdf.runs.row import ResultRow, score_of
 from jointsdf.values import LabelledMesh, Shape, Subject
+from jointsdf.viewing.page.run_page import REPORT
 
 QUOTED_SCORES = {"surface_p99", "parts_pred", "parts_gt", "components", "components_gt"}
+
+
+def last_lines(
+    row: ResultRow,
+    protocol: str,
+    folder: Path | None,
+    protocols: Mapping[str, Protocol],
+    shape: Subject,
+    mesh: LabelledMesh,
+) -> list[str]:
+    """The lines that end a run; arguments as of `summary` and `describe`."""
+    files = files_to_open(folder) if folder and not mesh.is_empty else ""
+    return [line for line in (summary(row, protocol, folder), describe(row, protocols, shape, mesh), files) if line]
 
 
 def summary(row: ResultRow, protocol: str, folder: Path | None) -> str:
@@ -96,5 +110,7 @@ def three_numbers(cfg: DictConfig, scores: Mapping[str, float], truth: Shape) ->
 
 
 def files_to_open(folder: Path) -> str:
-    """Paths of picture, mesh and scores."""
+    """Paths of page, picture, mesh and scores."""
+    if (folder / REPORT).is_file():
+        return f"open {folder / REPORT} (browser, 3D); preview.png, mesh.glb and result.json (every number) beside it"
     return f"open {folder / 'preview.png'} (picture), mesh.glb (3D viewer), result.json (every number) beside it"

@@ -94,19 +94,40 @@ def _collapse(
 ) -> tuple[Int[ndarray, "g 3"], Int[ndarray, " g"]] | None:
     """Simplify by the library, which keeps edges between faces of two kinds; the vertices are the given ones."""
     used, corners = np.unique(faces, return_inverse=True)
-    triangles = corners.reshape(-1, 3).astype(np.uint64)
-    solid = Manifold(Mesh64(np.ascontiguousarray(places[used]), triangles, face_id=kinds.astype(np.uint64)))
+    merged = collapse_edges(places[used], corners.reshape(-1, 3), kinds, tolerances)
+    if merged is None:
+        return None
+    both = np.concatenate([places[used], merged[0]])
+    _, first, number = np.unique(both, axis=0, return_index=True, return_inverse=True)
+    origin = first[number.reshape(-1)[len(used) :]]
+    if (origin >= len(used)).any():
+        return None
+    return used[origin[merged[1]]], merged[2]
+
+
+def collapse_edges(
+    vertices: Float[ndarray, "v 3"], faces: Int[ndarray, "f 3"], kinds: Int[ndarray, " f"], tolerances: Sequence[float]
+) -> tuple[Float[ndarray, "w 3"], Int[ndarray, "g 3"], Int[ndarray, " g"]] | None:
+    """Simplify a closed mesh by the library alone, which keeps edges between faces of two kinds.
+
+    Args:
+        vertices: Mesh units; those of the result are some of them.
+        faces: Every edge has two of them.
+        kinds: Of the faces, at least 0.
+        tolerances: As for `merge_flat_regions`.
+
+    Returns:
+        Vertices, faces and their kinds; None where the library refuses the mesh.
+    """
+    triangles = faces.astype(np.uint64)
+    solid = Manifold(Mesh64(np.ascontiguousarray(vertices), triangles, face_id=kinds.astype(np.uint64)))
     if solid.status() != Error.NoError:
         return None
     for tolerance in tolerances:
         solid = solid.simplify(tolerance)
     merged = solid.to_mesh64()
-    both = np.concatenate([places[used], np.asarray(merged.vert_properties)])
-    _, first, number = np.unique(both, axis=0, return_index=True, return_inverse=True)
-    origin = first[number.reshape(-1)[len(used) :]]
-    if (origin >= len(used)).any():
-        return None
-    return used[origin[np.asarray(merged.tri_verts).astype(np.int64)]], np.asarray(merged.face_id).astype(np.int64)
+    found = np.asarray(merged.tri_verts).astype(np.int64), np.asarray(merged.face_id).astype(np.int64)
+    return np.asarray(merged.vert_properties), *found
 
 
 def _loose_sides(faces: Int[ndarray, "f 3"], count: int) -> Bool[ndarray, " s"]:

@@ -1,7 +1,7 @@
-"""Palette: one fixed colour per part id in every picture and file.
+"""Palette: one fixed colour per part id in every picture and file, and colours of heads.
 
-Chosen by greedy max-min search of the distance in CIELAB under normal, protanopic and deuteranopic vision; neighbouring
-ids differ in lightness and in hue.
+Those of parts are chosen by greedy max-min search of the distance in CIELAB under normal, protanopic and deuteranopic
+vision; neighbouring ids differ in lightness and in hue.
 """
 
 import numpy as np
@@ -14,6 +14,8 @@ PALETTE = (
 )
 COLOURS = np.array([list(bytes.fromhex(colour)) for colour in PALETTE.split()], dtype=np.float64)
 UNLABELLED_COLOUR = (214, 214, 214)
+# Okabe and Ito, distinct with any colour vision ("Color universal design", 2008).
+HEAD_COLOURS = ("#7a7a7a", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#b8a800")
 # Each further round of the palette is mixed with black (negative) or white.
 ROUNDS = np.array([0.0, -0.3, 0.4, -0.5, 0.6])
 

@@ -64,7 +64,12 @@ def test_a_stored_sweep_makes_the_runs_that_it_says(tmp_path, composed, name) ->
     assert {cfg.shape for cfg in composed} == {shape}
     assert {cfg.study for cfg in composed} == {name}
     assert {cfg.paths.abc_missing for cfg in composed} == {"error" if shape.startswith("abc") else "fallback"}
-    recipes = {"smoke": {"smoke"}, "points": {"points"}, "distance": {"fast", "network"}, "robustness": {"scan", "points"}}
+    recipes = {
+        "smoke": {"smoke"},
+        "points": {"points"},
+        "distance": {"fast", "network"},
+        "robustness": {"scan", "points"},
+    }
     assert {cfg.recipe for cfg in composed} == recipes.get(name, {"fast"})
     for cfg in composed:
         build.check_config(cfg)

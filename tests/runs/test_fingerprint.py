@@ -55,6 +55,7 @@ def settings() -> dict[str, Any]:
         "trainer": {"max_steps": 8, "refit": 25, "accelerator": "cpu", "preview_every": 5},
         "extraction": {"resolution": 64, "sharp": True, "smallest_piece": 0.003, "simplify": 1e-4},
         "evaluation": evaluation,
+        "viewing": {"page": True},
     }
 
 
@@ -71,7 +72,7 @@ def test_machine_and_names_of_the_run_are_no_part_of_it(settings: dict[str, Any]
         "counts": {"manifold": 10, "regions": 0.5, "creases": 0.25, "far": 3, "per_part": 24},
     }
     assert found["shape"] == {"name": "part_01"}
-    assert not {"study", "part_solids", "logger"} & found.keys()
+    assert not {"study", "part_solids", "logger", "viewing"} & found.keys()
     kept = ("seed", "tessellation", "trunk", "head", "loss", "optimizer", "extraction", "evaluation")
     for protocol in settings["evaluation"]["protocols"].values():
         protocol.pop("field", None)  # these came after the first committed rows

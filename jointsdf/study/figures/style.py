@@ -18,11 +18,10 @@ from numpy import ndarray
 from jointsdf.runs.files import write_atomically
 from jointsdf.study.comparisons import HEAD_ORDER
 from jointsdf.study.tables.latex import escape
+from jointsdf.viewing.palette import HEAD_COLOURS
 
 WIDTH = 7.0  # inches, of a page's text
 INK, PALE = "#222222", "#8a8a8a"
-# Colours of Okabe and Ito, distinct with any colour vision ("Color universal design", 2008); in grey, see the markers.
-COLOURS = ("#7a7a7a", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#b8a800")
 MARKERS = ("X", "o", "s", "^", "D", "v", "P", "*")
 DASHES = ("-", "-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)))
 PNG_DPI = 200
@@ -64,8 +63,8 @@ def head_style(head: str, heads: Sequence[str]) -> dict[str, Any]:
     """Colour, marker and dashes of a head: the paper's heads have the same in every figure."""
     others = sorted(set(heads) - set(HEAD_ORDER))
     place = HEAD_ORDER.index(head) if head in HEAD_ORDER else len(HEAD_ORDER) + others.index(head)
-    place = place % len(COLOURS)
-    return {"color": COLOURS[place], "marker": MARKERS[place], "linestyle": DASHES[place]}
+    place = place % len(HEAD_COLOURS)  # in grey, see the markers
+    return {"color": HEAD_COLOURS[place], "marker": MARKERS[place], "linestyle": DASHES[place]}
 
 
 def make_panels(rows: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:

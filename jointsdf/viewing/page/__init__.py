@@ -1,0 +1,1 @@
+"""Pages that show runs to anyone with a browser: one self-contained HTML file, without server or network."""
