@@ -27,6 +27,8 @@ def orient_planes(
     normals: Float[ndarray, "n 3"],
     found: Bool[ndarray, " n"],
     neighbours: Int[ndarray, "n k"],
+    *,
+    leaky: bool = False,
 ) -> Float[ndarray, " n"]:
     """Sign that turns each normal outside; 0 where there is no plane or no side is clear.
 
@@ -36,12 +38,14 @@ def orient_planes(
         normals: Unit normals of either sign.
         found: Marks the points that have a plane.
         neighbours: Indices of the points around each, nearest first.
+        leaky: Whether points with free space of one kind on both sides, as where it leaks in, speak against any side
+            of their group.
     """
     offsets = points[neighbours] - points[:, None]
-    signs = np.zeros(len(points))
-    for side in (1.0, -1.0):
-        signs += side * _find_free_side(points, space, np.flatnonzero(found), side * normals, offsets)
-    return _propagate_orientation(np.sign(signs), normals, found, neighbours, offsets)
+    asked = np.flatnonzero(found)
+    front, back = (_find_free_side(points, space, asked, side * normals, offsets) for side in (1.0, -1.0))
+    against = leaky & (front * back > 0)
+    return _propagate_orientation(np.sign(front - back), against, normals, found, neighbours, offsets)
 
 
 def _find_free_side(
@@ -69,6 +73,7 @@ def _find_free_side(
 
 def _propagate_orientation(
     signs: Float[ndarray, " n"],
+    against: Bool[ndarray, " n"],
     normals: Float[ndarray, "n 3"],
     found: Bool[ndarray, " n"],
     neighbours: Int[ndarray, "n k"],
@@ -89,6 +94,6 @@ def _propagate_orientation(
     pairs = np.stack([[one, one + count], [other + turned, other + count - turned]], axis=-1).reshape(-1, 2)
     group = components(pairs, 2 * count)
     both = np.concatenate([signs, -signs])
-    votes, voters = np.bincount(group, both), np.bincount(group, np.abs(both))
+    votes, voters = np.bincount(group, both), np.bincount(group, np.abs(both) + np.tile(against, 2))
     decided = np.abs(votes) > MAJORITY * voters
     return np.where(decided[group[:count]], np.sign(votes)[group[:count]], signs) * found

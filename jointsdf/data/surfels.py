@@ -51,7 +51,7 @@ class Surfels:
             normals, found = fit_planes(points[neighbours] - points[:, None])
         else:
             normals, found = planes, np.ones(len(points), dtype=bool)
-        signs = orient_planes(points, self.space, normals, found, neighbours)
+        signs = orient_planes(points, self.space, normals, found, neighbours, leaky=solid)
         self.radii = distances[:, min(DISC_NEIGHBOUR, len(points) - 1)]
         if solid:
             whole = SolidCloud(points, normals, signs, self.space.tree)
