@@ -15,8 +15,9 @@ import pandas as pd
 from jointsdf.errors import InputError
 from jointsdf.runs.folder import BOARD, read_config, read_result
 from jointsdf.study.figures.loss_curves import read_curves
-from jointsdf.study.figures.style import COLOURS, MARKERS, PNG_DPI, STYLE, make_panels
+from jointsdf.study.figures.style import MARKERS, PNG_DPI, STYLE, make_panels
 from jointsdf.study.tables.columns import CD_L1, MIOU, NC
+from jointsdf.viewing.palette import HEAD_COLOURS
 
 SHOWN = (CD_L1, NC, MIOU)
 
@@ -63,7 +64,7 @@ def draw(found: pd.DataFrame, path: Path) -> None:
         figure, axes = make_panels(1, len(SHOWN), 2.2)
         for ax, column in zip(axes, SHOWN, strict=True):
             for place, (recipe, runs) in enumerate(found.groupby("recipe", sort=False)):
-                style = {"color": COLOURS[place + 1], "marker": MARKERS[place + 1], "markersize": 3}
+                style = {"color": HEAD_COLOURS[place + 1], "marker": MARKERS[place + 1], "markersize": 3}
                 ax.plot(runs["seconds"], runs[column.metric], label=recipe, **style)
             ax.set(xscale="log", xlabel="seconds of the fit", title=column.header)
         axes[0].set_yscale("log")

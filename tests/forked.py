@@ -38,6 +38,7 @@ def start(function: Callable[..., object], *arguments: object) -> BaseProcess:
 def train_and_write(outputs: Path, answer: Path, *overrides: str) -> None:
     """A quick run of train.py whose exit code and output go to a file."""
     os.environ["OMP_NUM_THREADS"] = "1"
+    torch.set_num_threads(1)  # as in this process: a choice of matrix products holds for one number of threads
     found = train(outputs, *overrides)
     answer.write_text(f"{found.code}\n{found.text}")
 

@@ -42,7 +42,7 @@ def cut_cubes(values: Float[ndarray, " n"], slopes: Float[ndarray, "n 3"]) -> Cu
         slopes: Its derivatives, per side of the cube.
 
     >>> half = cut_cubes(np.array([0.0]), np.array([[0.0, 2.0, 0.0]]))
-    >>> half.volume.round(6), half.moment.round(4) + 0.0, half.area.round(4)
+    >>> half.volume.round(6), half.moment.round(3) + 0.0, half.area.round(4)
     (array([0.5]), array([[ 0.   , -0.125,  0.   ]]), array([1.]))
     """
     sizes = np.abs(slopes).sum(axis=1)

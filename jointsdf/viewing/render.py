@@ -16,6 +16,7 @@ from jointsdf.viewing.raycast import Hits, cast_rays, fit_camera, fit_camera_to_
 INK = np.array([28.0, 30.0, 36.0])
 LIGHTS = (((-0.45, 0.65, -0.62), 0.58), ((0.75, 0.1, -0.65), 0.22))  # towards the light (right, up, away), strength
 AMBIENT = 0.42
+LEAST_FONT = 10.0  # pixels
 OUTLINE, BORDER, CREASE = 1.0, 0.85, 0.42  # how dark each kind of line is
 CREASE_COSINE = np.cos(np.radians(30.0))
 JUMP = 3.0  # step in depth between neighbours from which there is an outline, pixels of the finished picture
@@ -161,7 +162,7 @@ def _lines(mesh: LabelledMesh, hits: Hits, width: int) -> Float[ndarray, "h w"]:
 def notice(text: str, width: int, height: int) -> UInt8[ndarray, "h w 3"]:
     """Text in the middle of a white picture."""
     image = Image.new("RGB", (width, height), "white")
-    size = min(height * 0.75, width / 20)
+    size = min(height * 0.75, max(width / 20, LEAST_FONT))
     font = ImageFont.load_default(size)
     if (length := font.getlength(text)) > 0.96 * width:
         font = ImageFont.load_default(size * 0.96 * width / length)

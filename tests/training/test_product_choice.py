@@ -96,3 +96,16 @@ def test_a_checkpoints_choice_wins_on_its_own_machine(cache: Path, monkeypatch: 
             assert choose_products(AUTO, SIZES, odd)[1].startswith("as measured before"), odd
         monkeypatch.setattr(product_choice, "cpu_model", lambda: "another")
         assert choose_products(AUTO, SIZES, note) == (LOW, "measured now")
+
+
+def test_processes_that_measure_at_the_same_time_take_one_choice(cache: Path) -> None:
+    def measure_meanwhile(*_) -> tuple[Products, dict[str, Trial]]:
+        with mock.patch.object(product_choice, "choose_by_trials", return_value=(LOW, {})):
+            choose_products(AUTO, SIZES)
+        return Products(), {}
+
+    with mock.patch.object(product_choice, "choose_by_trials", side_effect=measure_meanwhile):
+        products, source = choose_products(AUTO, SIZES)
+    assert products == LOW
+    assert source.startswith("as measured meanwhile")
+    assert json.loads(next(cache.iterdir()).read_text())["products"] == asdict(LOW)

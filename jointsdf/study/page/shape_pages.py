@@ -93,7 +93,7 @@ def file_name(shape: str) -> str:
     """Name of a shape's files: letters that any address may hold, and a hash that tells shapes apart.
 
     >>> file_name("a b#c")
-    'a-b-c-2ba0a0'
+    'a-b-c-c399b5'
     """
     plain = re.sub(r"[^A-Za-z0-9_.-]+", "-", shape)[:MOST_NAME]
     return f"{plain}-{hashlib.sha256(shape.encode()).hexdigest()[:6]}"

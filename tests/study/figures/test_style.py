@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from jointsdf.study.figures.style import COLOURS, MARKERS, dodge, head_style
+from jointsdf.study.figures.style import MARKERS, dodge, head_style
+from jointsdf.viewing.palette import HEAD_COLOURS
 
 
 def test_heads_look_the_same_everywhere_and_differ_in_colour_and_marker() -> None:
@@ -13,7 +14,7 @@ def test_heads_look_the_same_everywhere_and_differ_in_colour_and_marker() -> Non
         == len({head_style(head, seven)["marker"] for head in seven})
         == 7
     )
-    assert len(COLOURS) == len(MARKERS)
+    assert len(HEAD_COLOURS) == len(MARKERS)
 
 
 def test_points_of_one_value_are_moved_apart() -> None:
