@@ -113,3 +113,17 @@ def test_too_few_points_have_no_normals_and_no_signs(count: int) -> None:
     distances, certain = surfels.signed(stream(4, 0).uniform(-1, 1, (500, 3)))
     assert not certain.any()
     assert not distances.any()
+
+
+@pytest.mark.parametrize("thickness", [0.01, 0.02])
+def test_beyond_the_rim_of_a_thin_wall_next_to_no_sign_is_wrong(thickness: float) -> None:
+    """The planes of the wall agree on its inside there; it is known that they do not say it of places beside it."""
+    extents = np.array([2, 2, thickness])
+    cloud = cloud_of(trimesh.creation.box(extents))
+    half, centre = extents / 2 / cloud.normalisation.scale, cloud.normalisation.forward(np.zeros((1, 3)))[0]
+    offsets = stream(1, 0).uniform(-1, 1, (20000, 3)) * (half + np.array([0.06, 0.06, 0.03]))
+    beyond = (np.abs(offsets[:, :2]) > half[:2]).any(axis=1) & (np.abs(offsets + centre) < BOX).all(axis=1)
+    found, known = surfels_of(cloud).signed(offsets[beyond] + centre)
+    assert beyond.sum() > 1000
+    assert known.mean() > 0.45
+    assert (found[known] < 0).mean() < 0.003, "a tenth without"
