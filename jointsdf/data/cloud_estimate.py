@@ -57,7 +57,7 @@ def find_surfels(cloud: Cloud, *, denoised: bool) -> tuple[Cloud, Surfels]:
         cloud = replace(cloud, labels=np.where(doubtful, UNLABELLED, cloud.labels))
     points = cloud.points[: cloud.uniform]
     smooth = denoise(points) if denoised else None
-    surfels = Surfels(points if smooth is None else smooth[0], None if smooth is None else smooth[1], solid=denoised)
+    surfels = Surfels(*(smooth or (points,)), solid=denoised)
     normals, places = np.zeros_like(cloud.normals), cloud.points.copy()
     normals[: cloud.uniform], places[: cloud.uniform] = (x[: cloud.uniform] for x in (surfels.normals, surfels.points))
     return replace(cloud, points=places, normals=normals), surfels

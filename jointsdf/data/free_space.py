@@ -59,12 +59,12 @@ class FreeSpace:
         """
         outside = np.argwhere(self.signs > 0)
         marked = np.zeros(self.signs.shape, dtype=bool)
-        marked[tuple(outside.T)] = inside((outside + 0.5) * (2 * BOX / self.cells) - BOX)
+        marked[tuple(outside.T)] = inside(self._centres(outside))
         regions, _ = label(marked)
         marked &= np.bincount(regions.ravel())[regions] >= LEAST_INSIDE_CELLS
         self.signs[marked] = -1
         border = marked & binary_dilation(self.signs > 0)
-        return (np.argwhere(border) + 0.5) * (2 * BOX / self.cells) - BOX
+        return self._centres(np.argwhere(border))
 
     def add(self, points: Float[ndarray, "m 3"]) -> None:
         """Take further points of the surface, near which space is not free."""
@@ -107,6 +107,9 @@ class FreeSpace:
         empty = np.ones((self.cells,) * 3, dtype=bool)
         empty[tuple(self._cell(points).T)] = False
         return np.asarray(distance_transform_edt(empty, sampling=2 * BOX / self.cells) <= self.reach)
+
+    def _centres(self, cells: Int[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:
+        return (cells + 0.5) * (2 * BOX / self.cells) - BOX
 
     def _cell(self, points: Float[ndarray, "n 3"]) -> Int[ndarray, "n 3"]:
         return np.clip((points + BOX) * (self.cells / (2 * BOX)), 0, self.cells - 1).astype(np.int64)

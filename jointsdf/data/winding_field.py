@@ -41,6 +41,11 @@ class WindingField:
         beyond = place - low
         self._corners = [np.ravel_multi_index((low + corner).T, (self._cells,) * 3) for corner in CORNERS]
         self._shares = [np.where(corner, beyond, 1 - beyond).prod(axis=1) for corner in CORNERS]
+        along, last = (2 * np.pi * waves(self._cells, self.cell) for waves in (fft.fftfreq, fft.rfftfreq))
+        self._waves = [wave.astype(np.float32) for wave in (along[:, None, None], along[:, None], last)]
+        squares = self._waves[0] ** 2 + self._waves[1] ** 2 + self._waves[2] ** 2
+        smoothing = np.exp(-0.5 * self.cell**2 * squares)
+        self._filter = smoothing / np.maximum(squares, np.finfo(np.float32).tiny)  # and the inverse of the Laplacian
 
     def solve(self, dipoles: Float[ndarray, "n 3"]) -> Float[ndarray, "c c c"]:
         """The winding number at the centres of the cells; its mean over the rim is 0.
@@ -48,13 +53,10 @@ class WindingField:
         Args:
             dipoles: Outward normals times areas, of the points.
         """
-        shape = (self._cells,) * 3
-        along, last = (2 * np.pi * waves(self._cells, self.cell) for waves in (fft.fftfreq, fft.rfftfreq))
-        waves = [wave.astype(np.float32) for wave in (along[:, None, None], along[:, None], last)]
-        squares = waves[0] ** 2 + waves[1] ** 2 + waves[2] ** 2
-        divergence = sum(wave * fft.rfftn(self._splat(dipoles[:, axis]), workers=-1) for axis, wave in enumerate(waves))
-        filters = np.exp(-0.5 * self.cell**2 * squares) / np.maximum(squares, np.finfo(np.float32).tiny)
-        values = fft.irfftn(1j * divergence * filters, s=shape, workers=-1)
+        divergence = sum(
+            wave * fft.rfftn(self._splat(dipoles[:, axis]), workers=-1) for axis, wave in enumerate(self._waves)
+        )
+        values = fft.irfftn(1j * divergence * self._filter, s=(self._cells,) * 3, workers=-1)
         return values - np.mean([values[0].mean(), values[:, 0].mean(), values[:, :, 0].mean()])
 
     def at(self, values: Float[ndarray, "c c c"], points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
