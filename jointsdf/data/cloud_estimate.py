@@ -44,7 +44,7 @@ def estimate_from_cloud(
             f"data.distances=cloud: {cloud.uniform} points leave no free space in the box; "
             "use a larger data.cloud_size, or data.distances=mesh"
         )
-    shares = surfels.normals.any(axis=1).mean(), known.mean() if len(pool) else 0.0
+    shares = cloud.normals[: cloud.uniform].any(axis=1).mean(), known.mean() if len(pool) else 0.0
     log.info("the cloud gives normals at %.0f%% of its points, and %.0f%% of the distances", *(100 * x for x in shares))
     return cloud, pool[known], distances[known], lambda points: surfels.signed(points)[0]
 
